@@ -8,11 +8,11 @@ import tempfile
 
 import pytest
 from hypothesis import settings
-from shapes import hold, hold_class
-from subjects import SHARED
 
 import qclearn
 from qclearn.plane import Disk
+from shapes import hold, hold_class
+from subjects import SHARED
 
 os.environ.setdefault("PYVISTA_OFF_SCREEN", "true")
 os.environ.setdefault("MPLBACKEND", "agg")
@@ -49,11 +49,7 @@ def pytest_unconfigure(config):
 
 def pytest_collection_modifyitems(items):
     """The longest files first, or one of two workers would wait for the other at the end."""
-    items.sort(
-        key=lambda item: (
-            LONGEST.index(item.path.name) if item.path.name in LONGEST else len(LONGEST)
-        )
-    )
+    items.sort(key=lambda item: LONGEST.index(item.path.name) if item.path.name in LONGEST else len(LONGEST))
 
 
 @pytest.fixture(scope="module")

@@ -10,12 +10,7 @@ __all__ = ["affine", "radial_stretch", "sliding", "twist"]
 
 def sliding_three(c):
     """`z exp(i c |z|^3 sin(3 arg z))`: the boundary slides with three periods."""
-    return turn(
-        "sliding 3",
-        lambda z: c * (z**3).imag,
-        lambda z: 1.5 * c * z**2 / 1j,
-        1.5 * c / (1 - 1.5 * c),
-    )
+    return turn("sliding 3", lambda z: c * (z**3).imag, lambda z: 1.5 * c * z**2 / 1j, 1.5 * c / (1 - 1.5 * c))
 
 
 def moebius(a, theta):
@@ -51,10 +46,5 @@ def after(g, f):
 
 
 # The disk maps of the convergence table; all of them hold 0 and 1.
-RADIAL, TWIST, SLIDING, SLIDING_THREE = (
-    radial_stretch(1.5),
-    twist(0.6),
-    sliding(0.5),
-    sliding_three(0.15),
-)
+RADIAL, TWIST, SLIDING, SLIDING_THREE = (radial_stretch(1.5), twist(0.6), sliding(0.5), sliding_three(0.15))
 DISK_MAPS = [RADIAL, TWIST, SLIDING, SLIDING_THREE]

@@ -31,10 +31,7 @@ def longitudes(points):
 def distance_to_floor(points):
     """How far in latitude points (k, 3) of the grooved sphere lie from the middle of its groove,
     radians."""
-    return abs(
-        np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1]))
-        - latitude(longitudes(points))
-    )
+    return abs(np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1])) - latitude(longitudes(points)))
 
 
 def grooved_sphere():
@@ -103,9 +100,7 @@ def grid(n, m, hole=()):
 def torus_mesh(n=12, m=9):
     """Vertices and faces of a torus of n x m cells."""
     a, b = np.meshgrid(np.arange(n) * 2 * np.pi / n, np.arange(m) * 2 * np.pi / m, indexing="ij")
-    vertices = np.stack(
-        [(3 + np.cos(b)) * np.cos(a), (3 + np.cos(b)) * np.sin(a), np.sin(b)], axis=-1
-    ).reshape(-1, 3)
+    vertices = np.stack([(3 + np.cos(b)) * np.cos(a), (3 + np.cos(b)) * np.sin(a), np.sin(b)], axis=-1).reshape(-1, 3)
     faces = grid(n, m)[1]
     i, j = np.divmod(faces, m + 1)
     return vertices, (i % n) * m + j % m

@@ -22,11 +22,7 @@ def lines_of(text):
 def graded_lines():
     """exercise -> the lines of its solution that the question does not have."""
     return {
-        name: {
-            line
-            for line in lines_of(exercise.solved)
-            if line not in exercise.blank + exercise.words
-        }
+        name: {line for line in lines_of(exercise.solved) if line not in exercise.blank + exercise.words}
         for name, exercise in EXERCISES.items()
     }
 
@@ -63,9 +59,7 @@ def text_of(path):
 def leaks(paths, lines):
     """file -> the lines of solutions in it, of the files that have any; lines: name -> lines."""
     every = sorted(set().union(*lines.values()))
-    found = {
-        path: [line for line in every if line in text] for path in paths if (text := text_of(path))
-    }
+    found = {path: [line for line in every if line in text] for path in paths if (text := text_of(path))}
     return {str(path): there for path, there in found.items() if there}
 
 

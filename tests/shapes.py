@@ -35,9 +35,7 @@ def readings(value):
         yield array
         yield from (array.astype(wider) for wider in (float, complex) if array.dtype.kind in "iuf")
     elif isinstance(value, int | float | complex | np.generic):
-        yield from (
-            np.asarray(value, wider) for wider in (float, complex) if not np.iscomplexobj(value)
-        )
+        yield from (np.asarray(value, wider) for wider in (float, complex) if not np.iscomplexobj(value))
         yield np.asarray(value)
         yield value.item() if isinstance(value, np.generic) else value
 
@@ -65,6 +63,9 @@ def held(function):
     judged once."""
     signature, hints, right = inspect.signature(function), get_type_hints(function), set()
     result_hint = hints.pop("return", None)
+    for parameter in signature.parameters.values():
+        if parameter.kind is inspect.Parameter.VAR_POSITIONAL and parameter.name in hints:
+            hints[parameter.name] = tuple[hints[parameter.name], ...]
 
     @wraps(function)
     def call(*args, **kwargs):
@@ -78,19 +79,11 @@ def held(function):
     def judge(args, kwargs, result):
         with jaxtyped("context"):
             given = signature.bind(*args, **kwargs).arguments
-            wrong = [
-                name
-                for name, value in given.items()
-                if name in hints and not admits(hints[name], value)
-            ]
+            wrong = [name for name, value in given.items() if name in hints and not admits(hints[name], value)]
             if wrong:
-                raise ShapeError(
-                    f"{function.__qualname__} takes {', '.join(wrong)} that its annotations exclude"
-                )
+                raise ShapeError(f"{function.__qualname__} takes {', '.join(wrong)} that its annotations exclude")
             if result_hint is not None and not admits(result_hint, result):
-                raise ShapeError(
-                    f"{function.__qualname__} returns {result!r}, which is not {result_hint}"
-                )
+                raise ShapeError(f"{function.__qualname__} returns {result!r}, which is not {result_hint}")
 
     return call
 
@@ -120,9 +113,7 @@ def hold_class(cls):
         make(self, *args, **kwargs)
         with jaxtyped("context"):
             wrong = [
-                name
-                for name, hint in attributes.items()
-                if not is_bearable(getattr(self, name), hint, conf=NUMBERS)
+                name for name, hint in attributes.items() if not is_bearable(getattr(self, name), hint, conf=NUMBERS)
             ]
         if wrong:
             raise ShapeError(f"{cls.__name__} has {', '.join(wrong)} that its annotations exclude")
@@ -134,9 +125,7 @@ def hold(package):
     """Hold all that `package.__all__` names to its annotations, wherever its modules have it in
     hand."""
     offered = [getattr(package, name) for name in package.__all__]  # first: this loads the modules
-    modules = [
-        module for name, module in sys.modules.items() if name.split(".")[0] == package.__name__
-    ]
+    modules = [module for name, module in sys.modules.items() if name.split(".")[0] == package.__name__]
     for public in offered:
         if inspect.isfunction(public):
             checked = held(public)

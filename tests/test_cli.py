@@ -7,13 +7,12 @@ import sys
 from functools import partial
 from types import SimpleNamespace
 
-import meshes
 import nibabel
 import numpy as np
 import pytest
-from known_surfaces import sphere
-from reports import REPORT
 
+import meshes
+from known_surfaces import sphere
 from qclearn import read_values
 from qclearn.cli import main
 from qclearn.io.fsaverage import fsaverage5, whole_fsaverage5
@@ -26,6 +25,7 @@ from qclearn.registration.problem import LandmarkError
 from qclearn.registration.register import register
 from qclearn.registration.transfer import frame_of_side, read_registration
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror, require_disk, require_outward
+from reports import REPORT
 
 FILES = ["figure.png", "registered.surf.gii", "registration.npz", "report.json"]
 ADDED = {"inputs", "landmarks", "versions", "command"}  # by the command line
@@ -43,16 +43,7 @@ def to_register(folder, *options, out="out"):
 
 def to_transfer(folder, registration, values, to, out, *options):
     """The words that carry a map over by the files of a folder."""
-    return [
-        "transfer",
-        folder / registration,
-        folder / values,
-        "--to",
-        to,
-        "--out",
-        folder / out,
-        *options,
-    ]
+    return ["transfer", folder / registration, folder / values, "--to", to, "--out", folder / out, *options]
 
 
 def everything(folder):
@@ -77,10 +68,7 @@ def refused(capsys, folder, *arguments):
     return line
 
 
-SPOKES = {
-    name: np.arange(1 + start, 1 + start + 24 * 6, 24)
-    for name, start in (("east", 0), ("north", 6))
-}
+SPOKES = {name: np.arange(1 + start, 1 + start + 24 * 6, 24) for name, start in (("east", 0), ("north", 6))}
 bowl = partial(meshes.bowl, lean=0.4, curves=SPOKES)
 
 
@@ -94,11 +82,7 @@ CURVES = {
 
 def backwards():
     """The bowls' landmarks and a third spoke, which runs from its other end on one side."""
-    third = {
-        "name": "south",
-        "moving": list(range(13, 157, 24)),
-        "control": list(range(13, 157, 24))[::-1],
-    }
+    third = {"name": "south", "moving": list(range(13, 157, 24)), "control": list(range(13, 157, 24))[::-1]}
     return {"curves": [*CURVES["curves"], third]}
 
 
@@ -128,19 +112,10 @@ def test_the_demo_registers_real_cortex(demo):
     assert report["landmark_error"] < report["landmark_error_before"] / 4
     assert report["landmark_error_before"] > 0.01 and report["max_abs_mu"] < 0.8
     assert len(report["curves"]) == 6 and set(report) >= REPORT | ADDED and report["suspect"] == []
-    assert (
-        len(report["held_out_mm"]) == 5
-        and min(min(row) for row in report["held_out_mm"].values()) > 0
-    )
+    assert len(report["held_out_mm"]) == 5 and min(min(row) for row in report["held_out_mm"].values()) > 0
     first, *_, figure, write, total = seconds = report["seconds"]
-    assert (first, figure, write, total) == ("read", "figure", "write", "total") and min(
-        seconds.values()
-    ) >= 0
-    assert (
-        0.95 * seconds["total"]
-        < sum(seconds.values()) - seconds["total"]
-        <= 1.001 * seconds["total"]
-    )
+    assert (first, figure, write, total) == ("read", "figure", "write", "total") and min(seconds.values()) >= 0
+    assert 0.95 * seconds["total"] < sum(seconds.values()) - seconds["total"] <= 1.001 * seconds["total"]
 
 
 def test_the_demo_writes_four_files_that_belong_together(demo):
@@ -155,9 +130,9 @@ def test_the_demo_writes_four_files_that_belong_together(demo):
     require_outward(read_surface(demo / "registered.surf.gii"))
     assert {"points", "disk_moving", "disk_control", "disk_map", "mu"} <= set(maps.files)
     assert maps["disk_map"].shape == maps["disk_moving"].shape == (len(moving.vertices),)
-    assert maps["disk_control"].shape == (len(fsaverage5("left").vertices),) and maps[
-        "mu"
-    ].shape == (len(moving.faces),)
+    assert maps["disk_control"].shape == (len(fsaverage5("left").vertices),) and maps["mu"].shape == (
+        len(moving.faces),
+    )
 
 
 def test_the_registration_alone_knows_both_surfaces_and_their_files(demo):
@@ -167,16 +142,12 @@ def test_the_registration_alone_knows_both_surfaces_and_their_files(demo):
     for side, name in (("moving", "right"), ("control", "left")):
         surface, whole = fsaverage5(name), whole_fsaverage5(name)
         expected = mirror(surface) if side == "moving" else surface
-        np.testing.assert_array_equal(
-            arrays[f"vertices_{side}"], expected.vertices.astype(np.float32)
-        )
+        np.testing.assert_array_equal(arrays[f"vertices_{side}"], expected.vertices.astype(np.float32))
         np.testing.assert_array_equal(arrays[f"table_{side}"], surface.original_vertices)
         np.testing.assert_array_equal(arrays[f"whole_faces_{side}"], whole.faces)
         frame = frame_of_side(arrays, side)
         assert (frame.side, frame.kind, frame.count) == (name, "Pial", 10242)
-        numbers = np.where(
-            side == "moving", arrays[f"faces_{side}"][:, ::-1], arrays[f"faces_{side}"]
-        )
+        numbers = np.where(side == "moving", arrays[f"faces_{side}"][:, ::-1], arrays[f"faces_{side}"])
         kept = set(map(tuple, arrays[f"table_{side}"][numbers].tolist()))
         assert kept < set(map(tuple, whole.faces.tolist()))
     assert arrays["mirrored"]
@@ -187,25 +158,13 @@ def test_maps_are_carried_over_on_real_cortex(demo, tmp_path):
     back."""
     control, maps = fsaverage5("left"), np.load(demo / "registration.npz")
     np.save(tmp_path / "height.npy", control.vertices[:, 2])
-    run(
-        *to_transfer(
-            tmp_path,
-            demo / "registration.npz",
-            "height.npy",
-            "moving",
-            "there.npy",
-            "--wall",
-            "cut",
-        )
-    )
+    run(*to_transfer(tmp_path, demo / "registration.npz", "height.npy", "moving", "there.npy", "--wall", "cut"))
     there = np.load(tmp_path / "there.npy")
     np.testing.assert_allclose(there, maps["points"][:, 2], atol=1e-9)
     run(*to_transfer(tmp_path, demo / "registration.npz", "there.npy", "control", "back.npy"))
     whole = np.load(tmp_path / "back.npy")
     off = abs(whole[control.original_vertices] - control.vertices[:, 2])
-    assert (
-        len(whole) == 10242 and np.median(off) < 0.3 and off.max() < 15
-    )  # mm; edges are 4 mm long
+    assert len(whole) == 10242 and np.median(off) < 0.3 and off.max() < 15  # mm; edges are 4 mm long
 
 
 def test_a_closed_hemisphere_gets_in(tmp_path, capsys):
@@ -222,9 +181,7 @@ def test_a_closed_hemisphere_gets_in(tmp_path, capsys):
     np.testing.assert_array_equal(opened.faces, expected.faces)
     require_disk(opened)
     closed = read_surface(paths["pial_left"])
-    np.testing.assert_array_equal(
-        closed.vertices[np.load(out)["original_vertices"]], opened.vertices
-    )
+    np.testing.assert_array_equal(closed.vertices[np.load(out)["original_vertices"]], opened.vertices)
 
 
 # On small surfaces
@@ -243,18 +200,9 @@ def test_register_is_the_library_and_mirror_mirrors(folder, capsys):
         "--sliding",
     )
     expected = register(
-        mirror(bowl(0.6)),
-        bowl(0.9),
-        CURVES,
-        alpha=2.0,
-        beta=0.1,
-        gamma=1e2,
-        sliding=True,
-        features=None,
+        mirror(bowl(0.6)), bowl(0.9), CURVES, alpha=2.0, beta=0.1, gamma=1e2, sliding=True, features=None
     )
-    np.testing.assert_allclose(
-        np.load(out / "registration.npz")["points"], expected.points, atol=1e-9
-    )
+    np.testing.assert_allclose(np.load(out / "registration.npz")["points"], expected.points, atol=1e-9)
     report = json.loads((out / "report.json").read_text())
     assert [report[key] for key in ("method", "alpha", "beta", "gamma")] == ["exact", 2.0, 0.1, 1e2]
     assert report["landmark_error"] == pytest.approx(expected.report["landmark_error"])
@@ -276,22 +224,12 @@ def test_a_suspect_registration_is_written_and_says_so(folder, capsys, options, 
     assert re.search(r"suspect +reversed", output.out)
 
 
-@pytest.mark.parametrize(
-    "names, options", [(("rh.a.npz", "lh.b.npz"), []), (("lh.a.npz", "lh.b.npz"), ["--mirror"])]
-)
+@pytest.mark.parametrize("names, options", [(("rh.a.npz", "lh.b.npz"), []), (("lh.a.npz", "lh.b.npz"), ["--mirror"])])
 def test_hemispheres_that_the_files_name_go_with_mirror(folder, capsys, names, options):
     for side, name in zip(("moving", "control"), names):
         (folder / f"{side}.npz").rename(folder / name)
     surfaces = [folder / name for name in names]
-    arguments = [
-        "register",
-        "--no-features",
-        *surfaces,
-        "--landmarks",
-        folder / "landmarks.json",
-        "--gamma",
-        1e2,
-    ]
+    arguments = ["register", "--no-features", *surfaces, "--landmarks", folder / "landmarks.json", "--gamma", 1e2]
     run(*arguments, "--out", folder / "good", *([] if options else ["--mirror"]))
     with pytest.raises(SystemExit) as stop:
         run(*arguments, "--out", folder / "out", *options)
@@ -304,9 +242,7 @@ def test_hemispheres_that_the_files_name_go_with_mirror(folder, capsys, names, o
 
 def test_annotations_are_compared_by_their_names(folder, capsys):
     regions, table = np.arange(193) // 97, np.array([[k * 40, 20, 30, 0, 0] for k in range(2)])
-    nibabel.freesurfer.write_annot(
-        folder / "lh.a.annot", regions, table, ["inner", "outer"], fill_ctab=True
-    )
+    nibabel.freesurfer.write_annot(folder / "lh.a.annot", regions, table, ["inner", "outer"], fill_ctab=True)
     names = {7: ("outer", (1, 0, 0, 1)), 4: ("inner", (0, 1, 0, 1))}
     write_values(folder / "b.label.gii", np.where(regions, 7, 4), labels=names)
     files = folder / "lh.a.annot", folder / "b.label.gii"
@@ -315,47 +251,25 @@ def test_annotations_are_compared_by_their_names(folder, capsys):
     assert set(overlap["regions"]) == {"inner", "outer"} and 0.9 < overlap["after"] <= 1
     assert re.search(r"^Dice +\d\.\d{3} of the annotations", capsys.readouterr().out, re.MULTILINE)
     np.save(folder / "c.npy", regions)
-    line = refused(
-        capsys, folder, *to_register(folder, out="other"), "--annot", files[0], folder / "c.npy"
-    )
+    line = refused(capsys, folder, *to_register(folder, out="other"), "--annot", files[0], folder / "c.npy")
     assert "c.npy: names no regions; give a .label.gii of one map, or an .annot" in line
 
 
 def test_the_report_says_where_it_comes_from_and_holds_the_landmarks(folder, capsys):
-    arguments = to_register(
-        folder, "--landmarks", folder / "landmarks.json", "--mirror", "--gamma", 1e2
-    )
+    arguments = to_register(folder, "--landmarks", folder / "landmarks.json", "--mirror", "--gamma", 1e2)
     run(*arguments)
     report = json.loads((folder / "out" / "report.json").read_text())
     read = {side: read_surface(folder / f"{side}.npz") for side in ("moving", "control")}
-    assert report["inputs"] == {
-        side: {"path": str(folder / f"{side}.npz")} | read[side].fingerprint for side in read
-    }
+    assert report["inputs"] == {side: {"path": str(folder / f"{side}.npz")} | read[side].fingerprint for side in read}
     assert report["landmarks"]["curves"] == CURVES["curves"] and report["suspect"] == []
     assert report["command"] == ["qclearn", *map(str, arguments)]
-    assert report["versions"]["numpy"] == np.__version__ and {"python", "scipy", "qclearn"} <= set(
-        report["versions"]
-    )
+    assert report["versions"]["numpy"] == np.__version__ and {"python", "scipy", "qclearn"} <= set(report["versions"])
     # which are a landmarks file, for these surfaces, mirrored or not, and for no others
     (folder / "again.json").write_text(json.dumps(report["landmarks"]))
-    run(
-        *[
-            folder / "again.json" if word == folder / "landmarks.json" else word
-            for word in arguments
-        ]
-    )
-    exchanged = [
-        arguments[0],
-        folder / "control.npz",
-        folder / "moving.npz",
-        "--landmarks",
-        folder / "again.json",
-    ]
+    run(*[folder / "again.json" if word == folder / "landmarks.json" else word for word in arguments])
+    exchanged = [arguments[0], folder / "control.npz", folder / "moving.npz", "--landmarks", folder / "again.json"]
     line = refused(capsys, folder, *exchanged, "--out", folder / "other")
-    assert re.search(
-        "landmarks were made for another moving surface .*exchanged: they fit the control surface",
-        line,
-    )
+    assert re.search("landmarks were made for another moving surface .*exchanged: they fit the control surface", line)
 
 
 def test_every_reason_and_exit_code_is_explained_in_the_help(capsys):
@@ -383,26 +297,10 @@ def test_features_from_files_and_held_out_curves_reach_the_pipeline(folder, caps
     (folder / "control.sulc.txt").write_text("\n".join(map(str, np.cos(6 * z.real) + z.imag)))
     files = folder / "moving.sulc.npy", f"{folder / 'control.sulc.txt'}:0.5"
     surfaces = folder / "moving.npz", folder / "control.npz", "--out", folder / "out"
-    options = (
-        "--feature",
-        *files,
-        "--feature",
-        "curvature",
-        "curvature",
-        "--delta",
-        0.7,
-        "--hold-out",
-        "north",
-    )
+    options = ("--feature", *files, "--feature", "curvature", "curvature", "--delta", 0.7, "--hold-out", "north")
     run("register", *surfaces, *options, "--accept-suspect")
-    report, output = (
-        json.loads((folder / "out" / "report.json").read_text()),
-        capsys.readouterr().out,
-    )
-    assert report["features"] == {
-        "moving.sulc.npy": pytest.approx(1 / 3),
-        "curvature": pytest.approx(2 / 3),
-    }
+    report, output = (json.loads((folder / "out" / "report.json").read_text()), capsys.readouterr().out)
+    assert report["features"] == {"moving.sulc.npy": pytest.approx(1 / 3), "curvature": pytest.approx(2 / 3)}
     assert report["delta"] == 0.7 and list(report["held_out_mm"]) == ["north"]
     assert re.search(r"^held out +\d\.\d\d mm", output, re.MULTILINE)
     assert re.search(r"^r\(moving.sulc.npy\) +0?\.?\d", output, re.MULTILINE)
@@ -415,26 +313,11 @@ def test_registration_without_landmarks(folder, capsys):
     plain = folder / "moving.npz", folder / "plain.ply", "--out", folder / "out"
     for pair in ((*surfaces, "--no-landmarks"), plain):  # named, or for want of curves
         run("register", *pair, "--feature", folder / "sulc.npy", folder / "sulc.npy")
-        report, output = (
-            json.loads((folder / "out" / "report.json").read_text()),
-            capsys.readouterr().out,
-        )
-        assert (
-            report["landmark_error"] is None
-            and report["curves"] == []
-            and "landmark error" not in output
-        )
+        report, output = (json.loads((folder / "out" / "report.json").read_text()), capsys.readouterr().out)
+        assert report["landmark_error"] is None and report["curves"] == [] and "landmark error" not in output
         assert re.search("^landmarks +none; registered by sulc.npy alone$", output, re.MULTILINE)
     assert {"figure.png", "report.json"} <= set(everything(folder / "out"))
-    error = refused(
-        capsys,
-        folder,
-        "register",
-        *surfaces,
-        "--no-landmarks",
-        "--landmarks",
-        folder / "landmarks.json",
-    )
+    error = refused(capsys, folder, "register", *surfaces, "--no-landmarks", "--landmarks", folder / "landmarks.json")
     assert "exclude each other" in error
     error = refused(capsys, folder, "register", *surfaces, "--no-landmarks", "--no-features")
     assert "landmarks hold no curves" in error
@@ -443,10 +326,7 @@ def test_registration_without_landmarks(folder, capsys):
 @pytest.mark.parametrize(
     "options, message",
     [
-        (
-            ["--feature", "depth", "depth", "--no-features"],
-            "--feature and --no-features exclude each other",
-        ),
+        (["--feature", "depth", "depth", "--no-features"], "--feature and --no-features exclude each other"),
         (["--delta", "0.3", "--no-features"], "--delta and --no-features exclude each other"),
         (["--feature", "thick.npy", "thick.npy"], "thick.npy: 5 values for 193 vertices"),
         (["--feature", "absent.npy", "thick.npy"], "absent.npy"),
@@ -457,9 +337,7 @@ def test_registration_without_landmarks(folder, capsys):
 def test_bad_features_are_one_line(folder, capsys, monkeypatch, options, message):
     np.save(folder / "thick.npy", np.arange(5.0))
     monkeypatch.chdir(folder)
-    assert message in refused(
-        capsys, folder, "register", "moving.npz", "control.npz", "--out", "out", *options
-    )
+    assert message in refused(capsys, folder, "register", "moving.npz", "control.npz", "--out", "out", *options)
 
 
 def test_the_network_method_and_its_tolerance_reach_the_pipeline(folder, monkeypatch, capsys):
@@ -480,9 +358,7 @@ def test_the_network_method_and_its_tolerance_reach_the_pipeline(folder, monkeyp
 
 
 def test_the_network_method_without_torch_is_one_line(folder, monkeypatch, capsys):
-    for name in [
-        name for name in sys.modules if name.startswith(("qclearn.nets", "torch.", "safetensors"))
-    ]:
+    for name in [name for name in sys.modules if name.startswith(("qclearn.nets", "torch.", "safetensors"))]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "torch", None)
     line = refused(capsys, folder, *to_register(folder), "--method", "network")
@@ -510,10 +386,7 @@ def test_a_second_run_replaces_the_files_of_the_first(folder):
         (["register"], "Missing argument 'MOVING'"),
         (["register", "a.npz"], "Missing argument 'CONTROL'"),
         (["register", "a.npz", "b.npz"], "Missing option '--out'"),
-        (
-            ["register", "a.npz", "b.npz", "--out", "x", "--gamma", "many"],
-            "'many' is not a valid float",
-        ),
+        (["register", "a.npz", "b.npz", "--out", "x", "--gamma", "many"], "'many' is not a valid float"),
         (["register", "a.npz", "b.npz", "--out", "x", "--method", "magic"], "'magic' is not"),
         (["register", "a.npz", "b.npz", "--out", "x", "--epsilon", "1"], "No such option"),
         (
@@ -521,29 +394,14 @@ def test_a_second_run_replaces_the_files_of_the_first(folder):
             "tolerance belongs to method 'network'",
         ),
         (
-            [
-                "register",
-                "moving.npz",
-                "control.npz",
-                "--out",
-                "x",
-                "--method",
-                "network",
-                "--sliding",
-            ],
+            ["register", "moving.npz", "control.npz", "--out", "x", "--method", "network", "--sliding"],
             "sliding belongs to",
         ),
         (["register", "a.npz", "b.npz", "--out", "x"], "a.npz: cannot be read"),
         (["open", "a.gii", "--out", "x.npz"], "one of --mask FILE and --label FILE"),
-        (
-            ["open", "a.gii", "--mask", "m", "--label", "l", "--out", "x.npz"],
-            "one of --mask FILE and --label FILE",
-        ),
+        (["open", "a.gii", "--mask", "m", "--label", "l", "--out", "x.npz"], "one of --mask FILE and --label FILE"),
         (["transfer", "r.npz", "v.npy", "--out", "x.npy"], "Missing option '--to'"),
-        (
-            ["transfer", "r.npz", "v.npy", "--to", "moving", "--out", "x.npy"],
-            "r.npz: cannot be read .*check the name",
-        ),
+        (["transfer", "r.npz", "v.npy", "--to", "moving", "--out", "x.npy"], "r.npz: cannot be read .*check the name"),
     ],
 )
 def test_wrong_usage_is_one_line(arguments, message, folder, capsys, monkeypatch):
@@ -582,10 +440,7 @@ def bad_landmarks(**changes):
         ),
         (bad_landmarks(colour="red"), "curve 0 has .*'colour'"),
         (bad_landmarks(moving=[5]), "curve 'east', moving side: .*at least two vertex indices"),
-        (
-            bad_landmarks(control=[0, 10_000]),
-            r"'east', control side: .*out of range 0..192: \[10000\]",
-        ),
+        (bad_landmarks(control=[0, 10_000]), r"'east', control side: .*out of range 0..192: \[10000\]"),
         ({"curves": CURVES["curves"][:1] * 2}, "names used twice"),
     ],
 )
@@ -596,11 +451,7 @@ def test_bad_landmarks_files_are_one_line(content, message, folder, capsys):
         else (content if isinstance(content, str) else json.dumps(content)).encode()
     )
     (folder / "landmarks.json").write_bytes(text)
-    line = refused(
-        capsys,
-        folder,
-        *to_register(folder, "--landmarks", folder / "landmarks.json", out="deep/out"),
-    )
+    line = refused(capsys, folder, *to_register(folder, "--landmarks", folder / "landmarks.json", out="deep/out"))
     assert re.search(message, line)
 
 
@@ -608,9 +459,7 @@ def test_bad_surfaces_are_one_line(folder, capsys):
     good = bowl(0.6)
     (folder / "cut.npz").write_bytes((folder / "moving.npz").read_bytes()[:200])
     np.savez(
-        folder / "nan.npz",
-        vertices=np.where(np.arange(193)[:, None] == 7, np.nan, good.vertices),
-        faces=good.faces,
+        folder / "nan.npz", vertices=np.where(np.arange(193)[:, None] == 7, np.nan, good.vertices), faces=good.faces
     )
     np.savez(folder / "inward.npz", vertices=good.vertices, faces=good.faces[:, ::-1])
     landmarks = ["--landmarks", folder / "landmarks.json", "--out", folder / "out"]
@@ -622,8 +471,7 @@ def test_bad_surfaces_are_one_line(folder, capsys):
         ("landmarks.json", "suffix"),
     ):
         assert re.search(
-            message,
-            refused(capsys, folder, "register", folder / name, folder / "control.npz", *landmarks),
+            message, refused(capsys, folder, "register", folder / name, folder / "control.npz", *landmarks)
         )
 
 
@@ -639,8 +487,7 @@ def test_landmarks_that_are_missing_are_one_line(folder, capsys):
 
 
 @pytest.mark.parametrize(
-    "weights, name",
-    [(["--alpha", "0"], "alpha"), (["--beta", "-1"], "beta"), (["--gamma", "nan"], "gamma")],
+    "weights, name", [(["--alpha", "0"], "alpha"), (["--beta", "-1"], "beta"), (["--gamma", "nan"], "gamma")]
 )
 def test_bad_weights_are_one_line(weights, name, folder, capsys):
     line = refused(capsys, folder, *to_register(folder), *weights)
@@ -690,9 +537,7 @@ def test_the_progress_bar_is_gone_before_the_message(folder, capsys, monkeypatch
     """Even where the bar would be shown at once, the message has a line of its own."""
     module = sys.modules["qclearn.registration.register"]
     bar = module.tqdm
-    monkeypatch.setattr(
-        module, "tqdm", lambda **options: bar(**options | {"delay": 0, "file": sys.stderr})
-    )
+    monkeypatch.setattr(module, "tqdm", lambda **options: bar(**options | {"delay": 0, "file": sys.stderr}))
 
     def fail(*_):
         raise LandmarkError("no")
@@ -743,24 +588,14 @@ def test_transfer_refuses_what_does_not_belong_together(registered, capsys):
         ("registration.npz", "short.npy", "5 values for 193 vertices"),
         ("registration.npz", "no.npy", "no.npy"),
         ("registration.npz", "landmarks.json", "landmarks.json"),
-        (
-            "moving.npz",
-            "map.txt",
-            "moving.npz: not a registration.npz of this program .*qclearn register",
-        ),
+        ("moving.npz", "map.txt", "moving.npz: not a registration.npz of this program .*qclearn register"),
         ("labels.npy", "map.txt", "labels.npy: not a registration.npz"),
         ("cut.npz", "map.txt", "cut.npz: not a registration.npz"),
         ("map.txt", "map.txt", "map.txt: not a registration.npz"),
     ):
-        line = refused(
-            capsys, folder, *to_transfer(folder, registration, values, "moving", "there.npy")
-        )
+        line = refused(capsys, folder, *to_transfer(folder, registration, values, "moving", "there.npy"))
         assert re.search(message, line)
-    line = refused(
-        capsys,
-        folder,
-        *to_transfer(folder, "registration.npz", "map.txt", "moving", "no/there.npy"),
-    )
+    line = refused(capsys, folder, *to_transfer(folder, "registration.npz", "map.txt", "moving", "no/there.npy"))
     assert "there.npy: cannot be written" in line
 
 
@@ -774,26 +609,9 @@ def test_open_refuses_inward_surfaces_and_foreign_masks(folder, capsys):
         ("inside-out.ply", "mask.npy", "--reverse|reverse"),
         ("ball.ply", "foreign.npy", "foreign.npy"),
     ):
-        line = refused(
-            capsys,
-            folder,
-            "open",
-            folder / surface,
-            "--mask",
-            folder / mask,
-            "--out",
-            folder / "open.npz",
-        )
+        line = refused(capsys, folder, "open", folder / surface, "--mask", folder / mask, "--out", folder / "open.npz")
         assert re.search(message, line)
-    run(
-        "open",
-        folder / "inside-out.ply",
-        "--reverse",
-        "--mask",
-        folder / "mask.npy",
-        "--out",
-        folder / "open.npz",
-    )
+    run("open", folder / "inside-out.ply", "--reverse", "--mask", folder / "mask.npy", "--out", folder / "open.npz")
     require_outward(read_surface(folder / "open.npz"))
 
 
@@ -803,17 +621,9 @@ def test_open_says_what_of_the_mask_stays_and_keeps_the_hemisphere(folder, capsy
     mask = ball.vertices[:, 2] < -0.5
     mask[ball.vertices[:, 2].argmax()] = True
     np.save(folder / "mask.npy", mask)
-    run(
-        "open",
-        folder / "rh.ball.surf.gii",
-        "--mask",
-        folder / "mask.npy",
-        "--out",
-        folder / "open.surf.gii",
-    )
+    run("open", folder / "rh.ball.surf.gii", "--mask", folder / "mask.npy", "--out", folder / "open.surf.gii")
     assert (
-        f"1 of the mask's {mask.sum()} vertices stay: holes away from the opening are filled"
-        in capsys.readouterr().out
+        f"1 of the mask's {mask.sum()} vertices stay: holes away from the opening are filled" in capsys.readouterr().out
     )
     for option, structure in (([], "CortexRight"), (["--hemisphere", "left"], "CortexLeft")):
         run(
@@ -825,9 +635,7 @@ def test_open_says_what_of_the_mask_stays_and_keeps_the_hemisphere(folder, capsy
             folder / "open.surf.gii",
             *option,
         )
-        assert (
-            nibabel.load(folder / "open.surf.gii").meta["AnatomicalStructurePrimary"] == structure
-        )
+        assert nibabel.load(folder / "open.surf.gii").meta["AnatomicalStructurePrimary"] == structure
 
 
 def test_landmarks_with_a_byte_order_mark_are_read(folder):
@@ -837,21 +645,11 @@ def test_landmarks_with_a_byte_order_mark_are_read(folder):
 
 def test_transfer_of_whole_numbers_wants_nearest_and_names_stay(registered, capsys):
     folder, _ = registered
-    line = refused(
-        capsys,
-        folder,
-        *to_transfer(folder, "registration.npz", "labels.npy", "moving", "there.npy"),
-    )
+    line = refused(capsys, folder, *to_transfer(folder, "registration.npz", "labels.npy", "moving", "there.npy"))
     assert re.search("labels.npy: holds whole numbers.*--nearest.*floats", line)
     table = np.array([[k * 40, 20, 30, 0, 0] for k in range(5)])
-    nibabel.freesurfer.write_annot(
-        folder / "lh.a.annot", np.arange(193) % 5, table, list("abcde"), fill_ctab=True
-    )
-    run(
-        *to_transfer(
-            folder, "registration.npz", "lh.a.annot", "moving", "R.there.label.gii", "--nearest"
-        )
-    )
+    nibabel.freesurfer.write_annot(folder / "lh.a.annot", np.arange(193) % 5, table, list("abcde"), fill_ctab=True)
+    run(*to_transfer(folder, "registration.npz", "lh.a.annot", "moving", "R.there.label.gii", "--nearest"))
     image = nibabel.load(folder / "R.there.label.gii")
     assert list(image.labeltable.get_labels_as_dict().values())[-5:] == list("abcde")
     assert image.meta["AnatomicalStructurePrimary"] == "CortexRight"
@@ -860,9 +658,7 @@ def test_transfer_of_whole_numbers_wants_nearest_and_names_stay(registered, caps
 @pytest.mark.parametrize("name", ["o.csv", "lh.o.annot", "o.dscalar.nii", "o.npz"])
 def test_transfer_refuses_what_it_cannot_write(registered, capsys, name):
     folder, _ = registered
-    line = refused(
-        capsys, folder, *to_transfer(folder, "registration.npz", "map.txt", "moving", name)
-    )
+    line = refused(capsys, folder, *to_transfer(folder, "registration.npz", "map.txt", "moving", name))
     assert name in line
 
 
@@ -873,21 +669,13 @@ def test_what_register_writes_is_checked_when_it_is_read(folder, capsys):
     assert {"checksum", "format_version"} <= set(arrays)
     np.savez(folder / "changed.npz", **arrays | {"disk_map": np.roll(arrays["disk_map"], 1)})
     np.savetxt(folder / "map.txt", bowl(0.9).vertices[:, 2])
-    line = refused(
-        capsys, folder, *to_transfer(folder, "changed.npz", "map.txt", "moving", "there.npy")
-    )
+    line = refused(capsys, folder, *to_transfer(folder, "changed.npz", "map.txt", "moving", "there.npy"))
     assert re.search("changed.npz: not a sound registration.npz: disk_map is folded", line)
 
 
 def test_no_control_character_reaches_the_terminal(folder, capsys):
     line = refused(
-        capsys,
-        folder,
-        "register",
-        folder / "\x1b[31mred.npz",
-        folder / "control.npz",
-        "--out",
-        folder / "out",
+        capsys, folder, "register", folder / "\x1b[31mred.npz", folder / "control.npz", "--out", folder / "out"
     )
     assert "\x1b" not in line and r"\x1b[31mred.npz" in line
 

@@ -8,12 +8,12 @@ from functools import cache
 import nibabel
 import numpy as np
 import pytest
-from test_cli import bowl, refused, run
 
 from qclearn.io.fsaverage import demo_landmarks, fsaverage5, whole_fsaverage5
 from qclearn.io.meshes import write_surface
 from qclearn.registration.curves import check_curves, fundus_metric, fundus_path, read_landmarks
 from qclearn.surfaces.surface import Surface
+from test_cli import bowl, refused, run
 
 CRAS = np.array([5.0, -18.0, 7.0])
 HEADER = "name,side,order,x,y,z\n"
@@ -33,9 +33,7 @@ def dented(surface, seed):
     order = rng.permutation(len(surface.vertices))
     number = np.argsort(order)
     whole = surface.original_vertices[order]
-    return Surface(
-        (surface.vertices + 3 * waves)[order], number[surface.faces], original_vertices=whole
-    ), number
+    return Surface((surface.vertices + 3 * waves)[order], number[surface.faces], original_vertices=whole), number
 
 
 @pytest.fixture(scope="module")
@@ -54,9 +52,7 @@ def true_paths():
     surfaces = {"moving": fsaverage5("right"), "control": fsaverage5("left")}
     metrics = {side: fundus_metric(surface) for side, surface in surfaces.items()}
     return {
-        curve["name"]: {
-            side: fundus_path(one, *curve[side], metrics[side]) for side, one in surfaces.items()
-        }
+        curve["name"]: {side: fundus_path(one, *curve[side], metrics[side]) for side, one in surfaces.items()}
         for curve in demo_landmarks()["curves"]
     }
 
@@ -68,38 +64,22 @@ def test_labels_and_carried_curves_become_a_landmarks_file(brains, capsys):
     right, left, rng = fsaverage5("right"), fsaverage5("left"), np.random.default_rng(0)
     words, paths = [], true_paths()
     for k, (name, path) in enumerate(paths.items()):
-        here = write_label(
-            folder / f"rh.{k}.label", rng.permutation(right.original_vertices[path["moving"]])
-        )
-        there = write_label(
-            folder / f"lh.{k}.label", rng.permutation(left.original_vertices[path["control"]])
-        )
+        here = write_label(folder / f"rh.{k}.label", rng.permutation(right.original_vertices[path["moving"]]))
+        there = write_label(folder / f"lh.{k}.label", rng.permutation(left.original_vertices[path["control"]]))
         words += ["--label", f"my {name}", here, there]
     out, carry = folder / "landmarks.json", ["--carry", "fsaverage5", "--mirror"]
     run("landmarks", folder / "rh.npz", "fsaverage5:left", *words, *carry, "--out", out)
     contents, bent = read_landmarks(out), dented(right, 3)[0]
-    entries = {
-        curve.name: curve
-        for curve in check_curves(contents, bent, whole_fsaverage5("left", "pial"))
-    }
+    entries = {curve.name: curve for curve in check_curves(contents, bent, whole_fsaverage5("left", "pial"))}
     said, apart = capsys.readouterr().out, []
     for name, path in paths.items():
         mine, found = entries[f"my {name}"], entries[name]
-        ends = (
-            number[path["moving"][[0, -1]]].tolist(),
-            left.original_vertices[path["control"][[0, -1]]].tolist(),
-        )
+        ends = (number[path["moving"][[0, -1]]].tolist(), left.original_vertices[path["control"][[0, -1]]].tolist())
         pair = [mine.path(side)[[0, -1]].tolist() for side in ("moving", "control")]
         assert pair == [*ends] or pair == [end[::-1] for end in ends]
-        assert found.control.tolist() == ends[1] and found.detect == {
-            "moving": True,
-            "control": True,
-        }
+        assert found.control.tolist() == ends[1] and found.detect == {"moving": True, "control": True}
         apart.append(np.linalg.norm(bent.vertices[found.moving] - bent.vertices[ends[0]], axis=1))
-        assert (
-            f"{name}: moving {contents['off_fundus_mm'][name]['moving']:.1f} mm from the fundus"
-            in said
-        )
+        assert f"{name}: moving {contents['off_fundus_mm'][name]['moving']:.1f} mm from the fundus" in said
         assert contents["off_fundus_mm"][name]["control"] is None
     assert np.mean(apart) < 2 and np.max(apart) < 8
 
@@ -109,9 +89,7 @@ def test_a_forgotten_mirror_is_seen_by_the_folds_where_no_name_tells(brains, cap
     write_surface(folder / "someone.npz", dented(fsaverage5("right"), 3)[0])
     path = true_paths()["central sulcus"]
     here = write_label(folder / "here.label", fsaverage5("right").original_vertices[path["moving"]])
-    there = write_label(
-        folder / "there.label", fsaverage5("left").original_vertices[path["control"]]
-    )
+    there = write_label(folder / "there.label", fsaverage5("left").original_vertices[path["control"]])
     words = ["--label", "central sulcus", here, there, "--out", folder / "l.json"]
     line = refused(capsys, folder, "landmarks", folder / "someone.npz", "fsaverage5:left", *words)
     assert "mirror: the folds fit the mirrored moving surface much better" in line
@@ -130,9 +108,7 @@ def folder(tmp_path):
             "voxelsize": [1.0] * 3,
         }
         frame |= {"xras": [-1.0, 0, 0], "yras": [0, 0, -1.0], "zras": [0, 1.0, 0], "cras": CRAS}
-        nibabel.freesurfer.write_geometry(
-            tmp_path / name, 30 * one.vertices, one.faces, volume_info=frame
-        )
+        nibabel.freesurfer.write_geometry(tmp_path / name, 30 * one.vertices, one.faces, volume_info=frame)
     write_label(tmp_path / "east.label", [1, 49, 25, 73, 97])
     write_label(tmp_path / "filled.label", range(100))
     write_label(tmp_path / "pieces.label", [1, 25, 97, 121])
@@ -145,16 +121,12 @@ def folder(tmp_path):
 def rows(side, *points, shift=0):
     """Lines of a csv file, points of a surface in 30 mm, moved by a shift."""
     return "".join(
-        f"east,{side},{k},{','.join(map(str, point))}\n"
-        for k, point in enumerate(np.array(points) * 30 + shift)
+        f"east,{side},{k},{','.join(map(str, point))}\n" for k, point in enumerate(np.array(points) * 30 + shift)
     )
 
 
 def write_points(folder, shift=0.0):
-    z = {
-        side: bowl(height).vertices[[1, 49, 97]]
-        for side, height in (("moving", 0.6), ("control", 0.9))
-    }
+    z = {side: bowl(height).vertices[[1, 49, 97]] for side, height in (("moving", 0.6), ("control", 0.9))}
     text = HEADER + "".join(rows(side, *points, shift=shift) for side, points in z.items())
     (folder / "points.csv").write_text(text)
 
@@ -175,9 +147,7 @@ def test_two_points_are_ends_and_begin_comes_first(folder):
     ends = bowl(0.6).vertices[[1, 97]] * 30
     words = {"End": ends[1], "begin": ends[0]}
     lines = [
-        f"a;{side};{word};{';'.join(map(str, at))}"
-        for side in ("moving", "control")
-        for word, at in words.items()
+        f"a;{side};{word};{';'.join(map(str, at))}" for side in ("moving", "control") for word, at in words.items()
     ]
     (folder / "points.csv").write_text("\ufeff" + HEADER.replace(",", ";") + "\n".join(lines))
     run(
@@ -189,9 +159,7 @@ def test_two_points_are_ends_and_begin_comes_first(folder):
         "--out",
         folder / "l",
     )
-    assert json.loads((folder / "l").read_text())["curves"] == [
-        {"name": "a", "moving": [1, 97], "control": [1, 97]}
-    ]
+    assert json.loads((folder / "l").read_text())["curves"] == [{"name": "a", "moving": [1, 97], "control": [1, 97]}]
 
 
 @pytest.mark.parametrize(
@@ -199,16 +167,10 @@ def test_two_points_are_ends_and_begin_comes_first(folder):
     [
         ([], "needs --label, --points or --carry"),
         (["--space", "tkr", "--carry", "fsaverage5"], "--space belongs to --points"),
-        (
-            ["--label", "a", "filled.label", "east.label"],
-            r"filled.label \(a\): no curve: its 100 vertices reach",
-        ),
+        (["--label", "a", "filled.label", "east.label"], r"filled.label \(a\): no curve: its 100 vertices reach"),
         (["--label", "a", "east.label", "empty.label"], r"empty.label \(a\): 0 vertices"),
         (["--label", "a", "east.label", "pieces.label"], r"pieces.label \(a\): in 2 pieces"),
-        (
-            ["--label", "a", "far.label", "east.label"],
-            "names vertex 999, and the surface has 193: .*npz",
-        ),
+        (["--label", "a", "far.label", "east.label"], "names vertex 999, and the surface has 193: .*npz"),
         (
             ["--label", "a", "rh.east.label", "east.label"],
             "rh.east.label: is of the right hemisphere, .* of the left one",
@@ -216,26 +178,14 @@ def test_two_points_are_ends_and_begin_comes_first(folder):
         (["--label", "a", "none.label", "east.label"], "none.label: cannot be read"),
         (["--label", "a", "east.label", "east.label", "--mirror"], "leave out --mirror"),
         (["--points", "lh.moving"], "not a text file"),
-        (
-            ["--points", "points.csv"],
-            r"'east', moving side: the point .* mm from the surface; in scanner .* --space",
-        ),
+        (["--points", "points.csv"], r"'east', moving side: the point .* mm from the surface; in scanner .* --space"),
     ],
 )
 def test_bad_input_is_one_line(folder, capsys, words, message):
     write_points(folder, CRAS)
-    words = [
-        folder / word if word[-6:] in (".label", "ts.csv", "moving") else word for word in words
-    ]
+    words = [folder / word if word[-6:] in (".label", "ts.csv", "moving") else word for word in words]
     line = refused(
-        capsys,
-        folder,
-        "landmarks",
-        folder / "lh.moving",
-        folder / "lh.control",
-        *words,
-        "--out",
-        folder / "l.json",
+        capsys, folder, "landmarks", folder / "lh.moving", folder / "lh.control", *words, "--out", folder / "l.json"
     )
     assert re.search(message, line), line
 
@@ -248,14 +198,8 @@ def test_bad_input_is_one_line(folder, capsys, words, message):
         (HEADER + "a,moving,first,0,0,0\n", "line 2: order must be a number, begin or end"),
         (HEADER + "a,moving,1,0,0,\n", "x, y, z numbers in mm"),
         (HEADER + "a,moving,1,0,0,nan\n", "line 2: not a finite number"),
-        (
-            HEADER + "a,moving,1,0,0,0\na,moving,1.0,0,0,0\n",
-            "line 3: 'a' has this place twice on the moving side",
-        ),
-        (
-            HEADER + "a,moving,1,0,0,0\na,moving,2,0,0,0\n",
-            "'a' has fewer than two points on the control side",
-        ),
+        (HEADER + "a,moving,1,0,0,0\na,moving,1.0,0,0,0\n", "line 3: 'a' has this place twice on the moving side"),
+        (HEADER + "a,moving,1,0,0,0\na,moving,2,0,0,0\n", "'a' has fewer than two points on the control side"),
         (HEADER, "holds no points"),
     ],
 )

@@ -17,16 +17,9 @@ PACKAGES = "qclearn", "data_synth", "qcbook"
 
 def lint(folder, *more):
     """What lint-imports says of the packages in a folder."""
-    command = [
-        Path(sys.executable).with_name("lint-imports"),
-        "--no-cache",
-        "--config",
-        folder / "pyproject.toml",
-    ]
+    command = [Path(sys.executable).with_name("lint-imports"), "--no-cache", "--config", folder / "pyproject.toml"]
     paths = f"{folder}:{folder / 'book'}"
-    return subprocess.run(
-        command, cwd=folder, env={"PYTHONPATH": paths}, capture_output=True, text=True, check=False
-    )
+    return subprocess.run(command, cwd=folder, env={"PYTHONPATH": paths}, capture_output=True, text=True, check=False)
 
 
 def test_imports_point_one_way():
@@ -43,10 +36,7 @@ def test_an_import_that_points_back_is_found(tmp_path):
         file.write("\n\ndef draw():\n    import qcbook\n    from .. import plot\n")
     told = lint(tmp_path)
     assert told.returncode == 1
-    assert (
-        "qclearn.plane.disk -> qcbook" in told.stdout
-        and "qclearn.plane.disk -> qclearn.plot" in told.stdout
-    )
+    assert "qclearn.plane.disk -> qcbook" in told.stdout and "qclearn.plane.disk -> qclearn.plot" in told.stdout
 
 
 def test_importing_the_library_loads_nothing_and_its_names_no_network_and_no_picture():
@@ -67,9 +57,7 @@ def test_importing_the_library_loads_nothing_and_its_names_no_network_and_no_pic
         "for name in qclearn.__all__: getattr(qclearn, name)\n"
         f"print([name for name in {heavy} if name in sys.modules], len(sys.modules) < 800)"
     )
-    loaded = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
-    )
+    loaded = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert loaded.stdout.split("\n", 1) == ["False", "[] True\n"]
 
 
@@ -98,31 +86,21 @@ def libraries(graph, package, without=()):
     """What a package imports from outside the standard library and this project."""
     left_out = {module for name in without for module in graph.find_descendants(name) | {name}}
     modules = (graph.find_descendants(package) | {package}) - left_out
-    names = {
-        name.split(".")[0]
-        for module in modules
-        for name in graph.find_modules_directly_imported_by(module)
-    }
+    names = {name.split(".")[0] for module in modules for name in graph.find_modules_directly_imported_by(module)}
     return names - set(sys.stdlib_module_names) - set(PACKAGES) - BROUGHT
 
 
 def test_the_core_and_each_extra_require_what_they_import(graph):
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    required = {
-        name: distributions(texts) for name, texts in project["optional-dependencies"].items()
-    }
+    required = {name: distributions(texts) for name, texts in project["optional-dependencies"].items()}
     core = distributions(project["dependencies"])
     of_extras = ["qclearn.group", "qclearn.nets", "qclearn.benchmark"]
     assert libraries(graph, "qclearn", without=of_extras) == core - UNIMPORTED
     assert libraries(graph, PROGRAM) == required["peers"]
-    assert (
-        libraries(graph, "data_synth", without=["data_synth.datasets"]) - core == required["synth"]
-    )
+    assert libraries(graph, "data_synth", without=["data_synth.datasets"]) - core == required["synth"]
     assert libraries(graph, "qclearn.nets") - core == required["nets"]
     assert libraries(graph, "qclearn.benchmark", without=[PROGRAM]) - core == required["benchmark"]
-    assert (
-        libraries(graph, "qclearn.group") - core < required["benchmark"]
-    )  # the scheduler of several workers
+    assert libraries(graph, "qclearn.group") - core < required["benchmark"]  # the scheduler of several workers
 
 
 def test_nothing_imports_the_program_under_another_licence(graph):

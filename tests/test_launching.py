@@ -13,24 +13,10 @@ import yaml
 from book.builder.build_book import SITE
 
 ROOT = Path(__file__).resolve().parent.parent
-CONDA, CONTAINER, WORKFLOW = (
-    "environment.yml",
-    ".devcontainer/devcontainer.json",
-    ".github/workflows/book.yml",
-)
+CONDA, CONTAINER, WORKFLOW = ("environment.yml", ".devcontainer/devcontainer.json", ".github/workflows/book.yml")
 CI, GUIDE = ".ci/run", "book/teaching.md"
 INTERPRETER = "${containerWorkspaceFolder}/.venv/bin/python"
-FILES = (
-    CONDA,
-    CONTAINER,
-    WORKFLOW,
-    "book/installation.md",
-    "Makefile",
-    "pyproject.toml",
-    "constraints.txt",
-    CI,
-    GUIDE,
-)
+FILES = (CONDA, CONTAINER, WORKFLOW, "book/installation.md", "Makefile", "pyproject.toml", "constraints.txt", CI, GUIDE)
 TEXTS = {name: (ROOT / name).read_text(encoding="utf-8") for name in FILES}
 INDEX = re.compile(r"https://download\.pytorch\.org/whl/\w+")
 
@@ -72,9 +58,7 @@ def drifts(texts):
     container, workflow = json.loads(texts[CONTAINER]), yaml.safe_load(texts[WORKFLOW])
     test, publish = workflow["jobs"]["test"], workflow["jobs"]["publish"]
     ran = [step["run"] for step in test["steps"] if "run" in step]
-    (published,) = (
-        step["with"]["path"] for step in test["steps"] if "path" in step.get("with", {})
-    )
+    (published,) = (step["with"]["path"] for step in test["steps"] if "path" in step.get("with", {}))
     targets = {*re.findall(r"^([\w-]+):|^INSTALLED := (\S+)", texts["Makefile"], re.MULTILINE)}
     targets = {name for pair in targets for name in pair}
     said = {
@@ -84,9 +68,7 @@ def drifts(texts):
         WORKFLOW: re.search(r"^python:(\d+\.\d+)-", test["container"])[1],
     }
     yield from (
-        f"{name} has Python {found}, constraints.txt {python}"
-        for name, found in said.items()
-        if found != python
+        f"{name} has Python {found}, constraints.txt {python}" for name, found in said.items() if found != python
     )
     yield from environment(conda, index, project["optional-dependencies"])
     yield from commands("\n".join([container["postCreateCommand"], *ran]), targets)
@@ -94,46 +76,30 @@ def drifts(texts):
         yield f"{WORKFLOW} does not end with .ci/run"
     if ROOT / published != SITE / "html" or publish["needs"] != "test":
         yield f"{WORKFLOW} publishes {published}, the build writes {(SITE / 'html').relative_to(ROOT)}"
-    for name, given in (
-        (CONTAINER, container["containerEnv"]),
-        (WORKFLOW, workflow.get("env", {})),
-    ):
+    for name, given in ((CONTAINER, container["containerEnv"]), (WORKFLOW, workflow.get("env", {}))):
         if given.get("TORCH_INDEX") != index:
             yield f"{name}: TORCH_INDEX is not {index}"
-    if (
-        container["customizations"]["vscode"]["settings"]["python.defaultInterpreterPath"]
-        != INTERPRETER
-    ):
+    if container["customizations"]["vscode"]["settings"]["python.defaultInterpreterPath"] != INTERPRETER:
         yield f"{CONTAINER}: the interpreter is not {INTERPRETER}, as the Makefile has it"
     if "SOLUTIONS" in texts[WORKFLOW] + texts[CI]:
         yield f"{WORKFLOW}, {CI}: the site would show solutions"
     conditions = {publish["if"], *(step["if"] for step in test["steps"] if "if" in step)}
-    if set(re.findall(r"refs/heads/(\w+)", " ".join(conditions))) | {
-        *workflow[True]["push"]["branches"]
-    } != {"main"}:
+    if set(re.findall(r"refs/heads/(\w+)", " ".join(conditions))) | {*workflow[True]["push"]["branches"]} != {"main"}:
         yield f"{WORKFLOW}: not main alone is tested and published"
     if texts[CI].rstrip().splitlines()[-1] != "exec make test":
         yield f"{CI} does not end in make test"
     extra = re.escape(conda["dependencies"][-1]["pip"][-1].removeprefix("-e "))
     if not re.search(
-        rf"pip download .*-c constraints\.txt --extra-index-url {re.escape(index)} '{extra}' uv",
-        texts[GUIDE],
+        rf"pip download .*-c constraints\.txt --extra-index-url {re.escape(index)} '{extra}' uv", texts[GUIDE]
     ):
         yield f"{GUIDE}: the wheels to download are not those of {CONDA}"
-    if not re.search(
-        rf"pip install --no-index .*-c constraints\.txt -e '{extra}' uv", texts[GUIDE]
-    ):
+    if not re.search(rf"pip install --no-index .*-c constraints\.txt -e '{extra}' uv", texts[GUIDE]):
         yield f"{GUIDE}: the wheels to install are not those of {CONDA}"
     if len(found := {index for text in texts.values() for index in INDEX.findall(text)}) != 1:
         yield f"more than one index of torch: {', '.join(sorted(found))}"
-    pinned = {
-        name: set(re.findall(r"torch(==[\w.+]+)", texts[name])) - {torch}
-        for name in (*FILES[:4], "Makefile")
-    }
+    pinned = {name: set(re.findall(r"torch(==[\w.+]+)", texts[name])) - {torch} for name in (*FILES[:4], "Makefile")}
     yield from (
-        f"{name} has torch{', '.join(other)}, constraints.txt {torch}"
-        for name, other in pinned.items()
-        if other
+        f"{name} has torch{', '.join(other)}, constraints.txt {torch}" for name, other in pinned.items() if other
     )
 
 

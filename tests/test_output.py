@@ -60,12 +60,7 @@ def test_a_killed_run_leaves_no_folder_that_looks_whole(tmp_path):
         assert names(tmp_path / moment) == ["out"]
     assert "report.json" not in names(tmp_path / "older" / "out")
     write(tmp_path / "older" / "out", "registration.npz", "report.json")
-    assert names(tmp_path / "older" / "out") == [
-        "figure.png",
-        "notes.txt",
-        "registration.npz",
-        "report.json",
-    ]
+    assert names(tmp_path / "older" / "out") == ["figure.png", "notes.txt", "registration.npz", "report.json"]
 
 
 def test_a_folder_that_is_there_keeps_what_is_not_of_the_run(tmp_path):

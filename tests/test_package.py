@@ -34,22 +34,15 @@ def test_the_packages_carry_the_version(packages):
 def test_the_wheel_carries_the_browser_modules_of_the_book(packages):
     """A notebook downloaded from the site finds its explorables in the package."""
     with zipfile.ZipFile(packages[1]) as archive:
-        carried = {
-            Path(name).name for name in archive.namelist() if name.startswith("qcbook/browser/")
-        }
+        carried = {Path(name).name for name in archive.namelist() if name.startswith("qcbook/browser/")}
     wanted = {path.name for path in MODULES.iterdir() if path.suffix in (".js", ".wasm", ".css")}
     assert "lab.js" in wanted and wanted <= carried
 
 
 def test_the_wheel_carries_what_reports_are_made_of(packages):
     with zipfile.ZipFile(packages[1]) as archive:
-        carried = {
-            name for name in archive.namelist() if name.startswith("qclearn/reports/templates/")
-        }
-    wanted = {
-        path.relative_to(ROOT).as_posix()
-        for path in (ROOT / "qclearn" / "reports" / "templates").iterdir()
-    }
+        carried = {name for name in archive.namelist() if name.startswith("qclearn/reports/templates/")}
+    wanted = {path.relative_to(ROOT).as_posix() for path in (ROOT / "qclearn" / "reports" / "templates").iterdir()}
     assert "qclearn/reports/templates/page.html" in wanted and wanted == carried
 
 
@@ -68,10 +61,7 @@ def test_the_wheel_runs_the_demo_in_a_bare_environment(packages, tmp_path):
         packages[1],
         cwd=tmp_path,
     )
-    installed = {
-        row["name"].lower()
-        for row in json.loads(run_outside(*pip, "list", "--format=json", cwd=tmp_path))
-    }
+    installed = {row["name"].lower() for row in json.loads(run_outside(*pip, "list", "--format=json", cwd=tmp_path))}
     assert "qclearn" in installed and not installed & {
         "torch",
         "numba",
@@ -88,16 +78,7 @@ def test_the_wheel_runs_the_demo_in_a_bare_environment(packages, tmp_path):
 
 
 def test_the_version_stands_in_one_place_and_heads_the_changelog():
-    (release,) = re.findall(
-        r"\A# Changes\n+## (\S+)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
-    )
+    (release,) = re.findall(r"\A# Changes\n+## (\S+)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"))
     assert release in ("unreleased", PROJECT["version"])
-    others = [
-        "CITATION.cff",
-        "README.md",
-        "_config.yml",
-        *(str(path) for path in (ROOT / "qclearn").glob("*.py")),
-    ]
-    assert [
-        name for name in others if PROJECT["version"] in (ROOT / name).read_text(encoding="utf-8")
-    ] == []
+    others = ["CITATION.cff", "README.md", "_config.yml", *(str(path) for path in (ROOT / "qclearn").glob("*.py"))]
+    assert [name for name in others if PROJECT["version"] in (ROOT / name).read_text(encoding="utf-8")] == []

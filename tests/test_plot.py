@@ -6,8 +6,8 @@ import matplotlib
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from meshes import bowl
 
+from meshes import bowl
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.mobius import mobius
@@ -62,9 +62,7 @@ def test_ellipses_point_where_the_map_stretches_most(ax, mu):
     difference = np.radians(ellipse.get_angles()[0]) - direction
     assert abs(np.sin(difference)) < 1e-4
     assert ellipse.get_widths()[0] == pytest.approx(0.2)
-    assert ellipse.get_heights()[0] / ellipse.get_widths()[0] == pytest.approx(
-        shortest / longest, rel=1e-6
-    )
+    assert ellipse.get_heights()[0] / ellipse.get_widths()[0] == pytest.approx(shortest / longest, rel=1e-6)
 
 
 @pytest.mark.parametrize("lines", [polar_lines(4, 6, 31), square_lines(5, 31)])
@@ -146,9 +144,7 @@ def test_registration_figure_draws_before_and_after(registered, tmp_path):
 
 def test_of_a_large_surface_means_over_fewer_vertices_are_drawn():
     z, faces = polar_disk(130, 200)
-    some, triangles, means = drawn_part(
-        Disk(z, faces), Surface(np.stack([z.real, z.imag, 0 * z.real], 1), faces)
-    )
+    some, triangles, means = drawn_part(Disk(z, faces), Surface(np.stack([z.real, z.imag, 0 * z.real], 1), faces))
     assert 25_000 <= len(some) < len(z) == 26_001 and not len(Disk(z[some], triangles).flipped)
     np.testing.assert_allclose(means.sum(1), 1)
     np.testing.assert_allclose(means @ z, z[some], atol=0.03)
@@ -159,10 +155,7 @@ def test_registration_figure_without_curves_shows_the_control_beside(registered)
     registration = replace(registration, curves={}, report=registration.report | {"curves": {}})
     first, second = registration_figure(registration, moving, control).axes[:2]
     for ax, disk in ((first, registration.disk_control), (second, registration.disk_map)):
-        corners = np.concatenate([path.vertices for path in ax.collections[0].get_paths()]) @ [
-            1,
-            1j,
-        ]
+        corners = np.concatenate([path.vertices for path in ax.collections[0].get_paths()]) @ [1, 1j]
         np.testing.assert_array_equal(np.unique(corners), np.unique(disk))
         assert ax.get_legend() is None and not ax.lines
     assert "control" in first.get_title() and "moving" in second.get_title()
@@ -172,19 +165,11 @@ def test_scene_holds_only_what_is_seen_in_float32():
     pyvista = pytest.importorskip("pyvista")
     surface = bowl(0.5)
     curve = np.array([0, 1, 25, 49])
-    plotter = surface_scene(
-        surface, surface.vertices[:, 2], [(curve, "detected"), (surface.vertices[curve], "target")]
-    )
-    meshes = [
-        actor.mapper.dataset
-        for actor in plotter.actors.values()
-        if isinstance(actor, pyvista.Actor)
-    ]
+    plotter = surface_scene(surface, surface.vertices[:, 2], [(curve, "detected"), (surface.vertices[curve], "target")])
+    meshes = [actor.mapper.dataset for actor in plotter.actors.values() if isinstance(actor, pyvista.Actor)]
     assert len(meshes) == 3
     assert all(mesh.points.dtype == np.float32 for mesh in meshes)
-    np.testing.assert_array_equal(
-        meshes[0].point_data["values"], surface.vertices[:, 2].astype(np.float32)
-    )
+    np.testing.assert_array_equal(meshes[0].point_data["values"], surface.vertices[:, 2].astype(np.float32))
     assert set(meshes[0].array_names) <= {"values", "Normals"}
     np.testing.assert_allclose(meshes[1].center, meshes[2].center)
     plotter.close()
@@ -193,9 +178,7 @@ def test_scene_holds_only_what_is_seen_in_float32():
 def test_tubes_lie_above_the_surface():
     flat, curve = bowl(0.0), np.array([0, 1, 25, 49])
     plotter = surface_scene(flat, curves=[(curve, "detected"), (flat.vertices[curve], "target")])
-    _, *tubes = [
-        actor.mapper.dataset for actor in plotter.actors.values() if hasattr(actor, "mapper")
-    ]
+    _, *tubes = [actor.mapper.dataset for actor in plotter.actors.values() if hasattr(actor, "mapper")]
     radius = 0.006 * np.linalg.norm(np.ptp(flat.vertices, axis=0))
     for tube in tubes:
         assert tube.bounds[4] < 0 < 1.4 * radius < tube.bounds[5] < 1.7 * radius
@@ -205,14 +188,10 @@ def test_tubes_lie_above_the_surface():
 def test_stacked_surfaces_stand_one_below_the_other_for_one_camera():
     above, below = bowl(0.5), Surface(3 + 2 * bowl(0.7).vertices, bowl(0.7).faces)
     plotter = stacked_scene([above, below], [above.vertices[:, 2], below.vertices[:, 2]])
-    first, second = [
-        actor.mapper.dataset for actor in plotter.actors.values() if hasattr(actor, "mapper")
-    ]
+    first, second = [actor.mapper.dataset for actor in plotter.actors.values() if hasattr(actor, "mapper")]
     assert second.bounds[5] < first.bounds[4]
     np.testing.assert_allclose(second.points.mean(0)[:2], first.points.mean(0)[:2], atol=1e-5)
-    np.testing.assert_allclose(
-        np.ptp(second.points, axis=0), np.ptp(below.vertices, axis=0), rtol=1e-5
-    )
+    np.testing.assert_allclose(np.ptp(second.points, axis=0), np.ptp(below.vertices, axis=0), rtol=1e-5)
     assert plotter.camera.parallel_projection and abs(plotter.camera.direction[2]) < 1e-6
     plotter.close()
 
@@ -231,13 +210,10 @@ def test_the_scene_of_a_registration_shows_curves_before_and_after(registered):
     registration, _, control = registered
     for done, farthest in ((True, 0.05), (False, None)):
         plotter = registration_scene(registration, control, done)
-        meshes = [
-            actor.mapper.dataset for actor in plotter.actors.values() if hasattr(actor, "mapper")
-        ]
+        meshes = [actor.mapper.dataset for actor in plotter.actors.values() if hasattr(actor, "mapper")]
         targets, curves = meshes[1:3], meshes[3:5]
         apart = max(
-            np.linalg.norm(curve.center_of_mass() - target.center_of_mass())
-            for curve, target in zip(curves, targets)
+            np.linalg.norm(curve.center_of_mass() - target.center_of_mass()) for curve, target in zip(curves, targets)
         )
         assert apart < farthest if done else apart > 0.05
         plotter.close()

@@ -14,18 +14,12 @@ NUMBER = re.compile(r"\d+\.\d+")
 
 def test_the_example_runs_as_printed(tmp_path):
     (example,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-    ran = subprocess.run(
-        [sys.executable, "-c", example], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
+    ran = subprocess.run([sys.executable, "-c", example], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stderr
     (printed,) = re.findall(r"It prints\n\n```text\n(.*?)```", README, re.DOTALL)
     assert NUMBER.split(ran.stdout) == NUMBER.split(printed)
-    assert [*map(float, NUMBER.findall(ran.stdout))] == pytest.approx(
-        [*map(float, NUMBER.findall(printed))], abs=0.11
-    )
-    before, after = map(
-        float, re.search(r"landmark error ([\d.]+) -> ([\d.]+)", ran.stdout).groups()
-    )
+    assert [*map(float, NUMBER.findall(ran.stdout))] == pytest.approx([*map(float, NUMBER.findall(printed))], abs=0.11)
+    before, after = map(float, re.search(r"landmark error ([\d.]+) -> ([\d.]+)", ran.stdout).groups())
     assert 0 < after < before / 4
     assert "bijective: True" in ran.stdout
     assert (tmp_path / "registered.ply").stat().st_size > 0

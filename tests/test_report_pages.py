@@ -8,8 +8,8 @@ import re
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from meshes import bowl
 
+from meshes import bowl
 from qclearn.cli import main
 from qclearn.io.meshes import write_surface
 from qclearn.plane.disk import Disk
@@ -21,16 +21,9 @@ from qclearn.reports.views import InflatedView, curvature_scale, decimated
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.surface import Surface, SurfaceError
 
-SPOKES = {
-    name: np.arange(1 + start, 1 + start + 24 * 6, 24)
-    for name, start in (("east", 0), ("north", 6))
-}
+SPOKES = {name: np.arange(1 + start, 1 + start + 24 * 6, 24) for name, start in (("east", 0), ("north", 6))}
 TURNED = {name: np.append(spoke[:-1], spoke[-1] + 1) for name, spoke in SPOKES.items()}
-FOLDS = [
-    "--feature",
-    "curvature",
-    "curvature",
-]  # depth takes most of the time of so small a surface
+FOLDS = ["--feature", "curvature", "curvature"]  # depth takes most of the time of so small a surface
 
 
 def run(*arguments):
@@ -44,9 +37,7 @@ def run(*arguments):
 def runs(tmp_path_factory):
     """Registrations of three bowls onto one, the first with a page; the second holds a curve out."""
     folder, patch = tmp_path_factory.mktemp("runs"), pytest.MonkeyPatch()
-    patch.setattr(
-        "qclearn.plot.registration_figure", lambda *_: Figure()
-    )  # another test's, and it takes time
+    patch.setattr("qclearn.plot.registration_figure", lambda *_: Figure())  # another test's, and it takes time
     write_surface(folder / "control.npz", bowl(0.9, lean=0.4, curves=SPOKES))
     for name, height, lean, options in (
         ("one", 0.6, 0.4, ["--report"]),
@@ -63,9 +54,7 @@ def runs(tmp_path_factory):
 def copied(runs, name, tmp_path, **changes):
     """A copy of a finished folder, its arrays changed, or left out where None."""
     arrays = dict(np.load(runs / name / "registration.npz")) | changes
-    kept = {
-        key: array for key, array in arrays.items() if key not in ("checksum", "format_version")
-    }
+    kept = {key: array for key, array in arrays.items() if key not in ("checksum", "format_version")}
     kept = {key: array for key, array in kept.items() if array is not None}
     (tmp_path / name).mkdir()
     write_registration(tmp_path / name / "registration.npz", kept)
@@ -79,21 +68,9 @@ def copied(runs, name, tmp_path, **changes):
 def finished(control, moving, z, f):
     """A `FinishedRegistration` made by hand, of surfaces with common faces."""
     disk = Disk(z, control.faces)
-    arrays = {
-        "vertices_control": control.vertices,
-        "vertices_moving": moving.vertices,
-        "disk_map": f,
-    }
-    arrays |= {
-        "disk_control": z,
-        "disk_moving": z,
-        "faces_control": control.faces,
-        "faces_moving": control.faces,
-    }
-    arrays |= {
-        "points": disk.interpolate(control.vertices, disk.locate(f)),
-        "mu": disk.coefficient(f),
-    }
+    arrays = {"vertices_control": control.vertices, "vertices_moving": moving.vertices, "disk_map": f}
+    arrays |= {"disk_control": z, "disk_moving": z, "faces_control": control.faces, "faces_moving": control.faces}
+    arrays |= {"points": disk.interpolate(control.vertices, disk.locate(f)), "mu": disk.coefficient(f)}
     return FinishedRegistration("by hand", arrays, {"r": {}})
 
 
@@ -144,10 +121,7 @@ def test_a_page_says_what_the_report_says(runs):
     for row in report["curves"]:
         assert f'<th scope="row">{row["name"]}</th><td>{row["landmark_error_mm"]:.2f}</td>' in page
     assert all(report["inputs"][side]["sha256"] in page for side in ("moving", "control"))
-    assert (
-        f"{report['mean_abs_mu']:.3f} (SD {report['sd_abs_mu']:.3f})" in page
-        and "none held out" in page
-    )
+    assert f"{report['mean_abs_mu']:.3f} (SD {report['sd_abs_mu']:.3f})" in page and "none held out" in page
     assert len(page.encode()) < 2e6 and "http" not in page.replace("http-equiv", "")
 
 
@@ -159,9 +133,7 @@ def test_a_page_is_the_same_from_the_command(runs, tmp_path):
 def test_what_files_are_called_is_no_markup(runs):
     page = (runs / "one" / "report.html").read_text()
     assert "&lt;one&gt;.npz" in page and "<one>" not in page
-    scene = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)[
-        1
-    ]
+    scene = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)[1]
     assert "<" not in scene and len(json.loads(scene)["maps"]) == 6
 
 
@@ -169,10 +141,7 @@ def test_the_verdict_gives_all_reasons_in_full(runs, tmp_path):
     folder = copied(runs, "two", tmp_path)
     report = json.loads((folder / "report.json").read_text())
     reasons = ["mirror: <b>the curves</b> fit better; give --mirror", "curve: 'east' ends far off"]
-    for suspect, words in (
-        (reasons, "Suspect: look before you use it"),
-        ([], "Nothing suspicious was found"),
-    ):
+    for suspect, words in ((reasons, "Suspect: look before you use it"), ([], "Nothing suspicious was found")):
         (folder / "report.json").write_text(json.dumps(report | {"suspect": suspect}))
         write_pair(folder, tmp_path / "page.html")
         page = (tmp_path / "page.html").read_text()
@@ -181,10 +150,7 @@ def test_the_verdict_gives_all_reasons_in_full(runs, tmp_path):
     (folder / "report.json").write_text(json.dumps(report | {"suspect": reasons}))
     write_pair(folder, tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text()
-    assert (
-        "mirror: &lt;b&gt;the curves&lt;/b&gt; fit better; give --mirror" in page
-        and "ends far off" in page
-    )
+    assert "mirror: &lt;b&gt;the curves&lt;/b&gt; fit better; give --mirror" in page and "ends far off" in page
 
 
 def test_the_page_forbids_itself_the_network(runs):
@@ -208,11 +174,7 @@ def test_a_group_is_sorted_worst_first_and_its_csv_has_the_reports_figures(runs,
         wanted = [*report["r"]["curvature"], report["log2_area"][1], report["flipped"]]
         found = [float(row[key]) for key in ("r_before", "r_after", "log2_area_95", "flipped")]
         np.testing.assert_allclose(found, wanted, rtol=1e-5)
-        held = (
-            np.mean(list(report["held_out_mm"].values()), axis=0)[1]
-            if report["held_out_mm"]
-            else None
-        )
+        held = np.mean(list(report["held_out_mm"].values()), axis=0)[1] if report["held_out_mm"] else None
         assert row["held_out_after_mm"] == ("" if held is None else f"{held:.6g}")
         assert row["suspect"] == "; ".join(report["suspect"])
     r = np.array([float(row["r_after"]) for row in rows])
@@ -225,9 +187,7 @@ def test_a_group_is_sorted_worst_first_and_its_csv_has_the_reports_figures(runs,
         page.index(f">{row['subject']}<") for row in rows
     )
     assert len(page.encode()) < 2e6 and page.count('href="') == 2 and 'href="group.csv"' in page
-    assert re.search(
-        r'href="[./\w-]*/one/report.html"', page
-    )  # the others have no page of their own
+    assert re.search(r'href="[./\w-]*/one/report.html"', page)  # the others have no page of their own
 
 
 def sign_of(row):
@@ -241,13 +201,7 @@ def subject(name, figures):
 
 
 def test_lower_r_is_worse_and_larger_distortion_is_worse():
-    usual = {
-        "r_after": 0.8,
-        "held_out_after_mm": np.nan,
-        "log2_area_95": 1.0,
-        "mu_95": 0.3,
-        "flipped": 0,
-    }
+    usual = {"r_after": 0.8, "held_out_after_mm": np.nan, "log2_area_95": 1.0, "mu_95": 0.3, "flipped": 0}
     subjects = [subject(f"good {k}", usual | {"r_after": 0.8 + 0.001 * k}) for k in range(9)]
     subjects += [subject("low", usual | {"r_after": 0.2}), subject("high", usual | {"mu_95": 0.9})]
     states = {one.name: one.state for one in scored(subjects)}
@@ -255,9 +209,7 @@ def test_lower_r_is_worse_and_larger_distortion_is_worse():
     better = [subject(f"usual {k}", usual | {"r_after": 0.5 + 0.001 * k}) for k in range(9)]
     better += [subject("above", usual | {"r_after": 0.9, "mu_95": 0.1})]
     assert {one.name: one.state for one in scored(better)}["above"] == "good"
-    folded = subject(
-        "folded", usual | {"mu_95": 50.0, "flipped": 9}
-    )  # must not widen what counts as usual
+    folded = subject("folded", usual | {"mu_95": 50.0, "flipped": 9})  # must not widen what counts as usual
     hidden = [*subjects, folded]
     assert {one.name for one in scored(hidden) if one.state == "odd"} == {"low", "high"}
     flipped = scored([subject("flipped", usual | {"flipped": 1})])
@@ -268,9 +220,7 @@ def test_lower_r_is_worse_and_larger_distortion_is_worse():
 
 
 def test_a_folder_without_files_is_refused(tmp_path, runs):
-    with pytest.raises(
-        ReportError, match=r"has no registration.npz and no report.json; give a folder that"
-    ):
+    with pytest.raises(ReportError, match=r"has no registration.npz and no report.json; give a folder that"):
         write_pair(tmp_path, tmp_path / "page.html")
     folder = copied(runs, "one", tmp_path)
     (folder / "report.json").unlink()
@@ -291,9 +241,7 @@ def test_a_report_of_another_run_is_refused(tmp_path, runs):
         write_pair(folder, tmp_path / "page.html")
 
 
-@pytest.mark.parametrize(
-    "content, message", [("[1]", "not a report of"), ("{", "not JSON"), ("{}", "see 'inputs'")]
-)
+@pytest.mark.parametrize("content, message", [("[1]", "not a report of"), ("{", "not JSON"), ("{}", "see 'inputs'")])
 def test_another_json_is_refused(tmp_path, runs, content, message):
     folder = copied(runs, "one", tmp_path)
     (folder / "report.json").write_text(content)
@@ -304,9 +252,7 @@ def test_another_json_is_refused(tmp_path, runs, content, message):
 def test_a_group_on_two_controls_is_refused(tmp_path, runs):
     other = np.load(runs / "two" / "registration.npz")["vertices_control"] * [1, 1, 1.01]
     folder = copied(runs, "two", tmp_path, vertices_control=other.astype("f4"))
-    with pytest.raises(
-        ReportError, match="two: its control is not that of .*one; give folders of one control"
-    ):
+    with pytest.raises(ReportError, match="two: its control is not that of .*one; give folders of one control"):
         write_group([runs / "one", folder], tmp_path / "group.html")
     assert not list(tmp_path.glob("group.*"))
 

@@ -18,9 +18,7 @@ PAGES = [*NOTEBOOKS, *sorted((ROOT / "book").glob("*.md"))]
 LONGEST_CELL = 30
 WIDEST_LINE = 76  # what the site shows without sideways scrolling
 # Somebody's folder, absolute or as seen from here.
-MACHINE_PATH = re.compile(
-    r"(?<![\w.:/-])/(?:root|home|work|Users|tmp)/\w+|\.\./share[d]\b|file:///\w"
-)
+MACHINE_PATH = re.compile(r"(?<![\w.:/-])/(?:root|home|work|Users|tmp)/\w+|\.\./share[d]\b|file:///\w")
 
 MEASURED = re.compile("seconds|memory_mb|perf_counter|process_time|monotonic|maxrss")
 ORDER = ast.Lt, ast.LtE, ast.Gt, ast.GtE
@@ -34,16 +32,13 @@ def absolute_limits(source):
             smallest = 10 if "perf_counter" in text else float("inf")
             sides = [ast.unparse(side) for side in (node.left, *node.comparators)]
             numbers = [float(side) for side in sides if re.fullmatch(r"[\d.e]+", side)]
-            if any(isinstance(op, ORDER) for op in node.ops) and any(
-                0 < number < smallest for number in numbers
-            ):
+            if any(isinstance(op, ORDER) for op in node.ops) and any(0 < number < smallest for number in numbers):
                 yield f"line {node.lineno}: {text}"
 
 
 def test_no_test_depends_on_the_speed_or_the_memory_of_a_machine():
     found = {
-        path.name: list(absolute_limits(path.read_text(encoding="utf-8")))
-        for path in (ROOT / "tests").rglob("*.py")
+        path.name: list(absolute_limits(path.read_text(encoding="utf-8"))) for path in (ROOT / "tests").rglob("*.py")
     }
     assert {name: limits for name, limits in found.items() if limits} == {}
     assert list(absolute_limits("assert small.cpu_seconds < 0.1 < large.cpu_seconds")) != []
@@ -53,11 +48,7 @@ def test_no_test_depends_on_the_speed_or_the_memory_of_a_machine():
 def test_notebook_is_committed_without_outputs(path):
     notebook = nbformat.read(path, as_version=4)
     nbformat.validate(notebook)
-    ran = [
-        i
-        for i, cell in enumerate(notebook.cells)
-        if cell.get("outputs") or cell.get("execution_count")
-    ]
+    ran = [i for i, cell in enumerate(notebook.cells) if cell.get("outputs") or cell.get("execution_count")]
     assert ran == [], "clear the outputs: make clear"
     answered = [i for i, cell in enumerate(notebook.cells) if "user_expressions" in cell.metadata]
     assert answered == [], "JupyterLab stored the numbers of the prose; clear them: make clear"
@@ -69,26 +60,11 @@ def test_pages_grow_subjects_of_the_generation_that_was_measured():
     generation."""
     asked = {}
     for path in NOTEBOOKS:
-        sources = [
-            cell.source
-            for cell in nbformat.read(path, as_version=4).cells
-            if cell.cell_type == "code"
-        ]
+        sources = [cell.source for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"]
         if any("read_measured(" in source for source in sources):
-            calls = [
-                node
-                for source in sources
-                for node in ast.walk(ast.parse(source))
-                if isinstance(node, ast.Call)
-            ]
-            grown = [
-                call
-                for call in calls
-                if getattr(call.func, "id", "") in ("hemispheres", "mapped_subject")
-            ]
-            asked |= {
-                path.stem: ["generation" in [word.arg for word in call.keywords] for call in grown]
-            }
+            calls = [node for source in sources for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)]
+            grown = [call for call in calls if getattr(call.func, "id", "") in ("hemispheres", "mapped_subject")]
+            asked |= {path.stem: ["generation" in [word.arg for word in call.keywords] for call in grown]}
     assert {"benchmark", "ldnet"} <= {page for page, calls in asked.items() if calls}
     assert [page for page, calls in asked.items() if not all(calls)] == []
 
@@ -96,9 +72,7 @@ def test_pages_grow_subjects_of_the_generation_that_was_measured():
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_cells_are_short(path):
     cells = nbformat.read(path, as_version=4).cells
-    lengths = {
-        i: len(cell.source.splitlines()) for i, cell in enumerate(cells) if cell.cell_type == "code"
-    }
+    lengths = {i: len(cell.source.splitlines()) for i, cell in enumerate(cells) if cell.cell_type == "code"}
     assert {i: length for i, length in lengths.items() if length > LONGEST_CELL} == {}
 
 
@@ -106,10 +80,7 @@ def code_of(cell, number):
     """(place, code) of a cell: its own, or that of the solutions in its text."""
     if cell.cell_type == "code":
         return [(f"cell {number}", cell.source)]
-    return [
-        (f"cell {number}, solution of {exercise}", code)
-        for exercise, code, _ in solutions_in(cell.source)
-    ]
+    return [(f"cell {number}, solution of {exercise}", code) for exercise, code, _ in solutions_in(cell.source)]
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
@@ -126,23 +97,16 @@ def test_code_is_narrow(path):
 
 
 NAMED = re.compile(r"(?<![\w./-])(?:qclearn|data_synth|tests|book)/[\w./-]*\w")
-GUIDES = [
-    ROOT / "CONTRIBUTING.md",
-    *(ROOT / folder / "README.md" for folder in (".", "book/builder", "book/studies")),
-]
+GUIDES = [ROOT / "CONTRIBUTING.md", *(ROOT / folder / "README.md" for folder in (".", "book/builder", "book/studies"))]
 # What a guide warns of, what the reader of the page 'How to add a network' would write, and what an
 # older commit has.
 NOT_THERE = {"book/_static", "qclearn/nets/ringnet.py", "tests/nets/test_ringnet.py"}
 
 
-@pytest.mark.parametrize(
-    "text", [*GUIDES, *PAGES], ids=lambda path: f"{path.parent.name}-{path.stem}"
-)
+@pytest.mark.parametrize("text", [*GUIDES, *PAGES], ids=lambda path: f"{path.parent.name}-{path.stem}")
 def test_the_files_that_a_text_names_are_there(text):
     words = text.read_text(encoding="utf-8") if text.suffix == ".md" else markdown_of(text.stem)
-    assert [
-        name for name in sorted(set(NAMED.findall(words)) - NOT_THERE) if not (ROOT / name).exists()
-    ] == []
+    assert [name for name in sorted(set(NAMED.findall(words)) - NOT_THERE) if not (ROOT / name).exists()] == []
 
 
 def test_the_names_of_files_are_recognised():
@@ -151,9 +115,7 @@ def test_the_names_of_files_are_recognised():
 
 def test_no_file_names_a_machine():
     try:
-        listed = subprocess.run(
-            ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True
-        ).stdout
+        listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     except (OSError, subprocess.CalledProcessError):
         pytest.skip("not a git repository: nothing says which files belong to it")
     files = [ROOT / name for name in listed.split("\0") if name and "_assets/vendor/" not in name]

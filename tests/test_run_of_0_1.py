@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known_surfaces import sphere
-from test_cli import run
 
 import qclearn as qc
+from known_surfaces import sphere
 from qclearn.registration.transfer import read_registration
+from test_cli import run
 
 RUN = Path(__file__).parent / "run_of_0_1"
 
@@ -43,13 +43,7 @@ def test_a_run_of_0_1_is_put_on_the_sphere_of_its_control(tmp_path):
     turn = np.random.default_rng(0).permutation(642)
     turned = qc.Surface(ball.vertices[turn], np.argsort(turn)[ball.faces])
     qc.write_surface(tmp_path / "lh.sphere.surf.gii", turned)
-    run(
-        "sphere",
-        RUN / "registration.npz",
-        tmp_path / "lh.sphere.surf.gii",
-        "--out",
-        tmp_path / "on",
-    )
+    run("sphere", RUN / "registration.npz", tmp_path / "lh.sphere.surf.gii", "--out", tmp_path / "on")
     (file,) = (tmp_path / "on").glob("*.surf.gii")
     placed = qc.read_surface(file)
     np.testing.assert_allclose(np.linalg.norm(placed.vertices, axis=1), 100, rtol=1e-5)

@@ -38,30 +38,21 @@ def test_digits_that_nobody_sees_do_not_travel():
     values = np.random.default_rng(0).normal(size=10_000)
     rounded = scenes._rounded(values, 256)
     assert 256 <= np.ptp(rounded) / np.diff(np.unique(rounded)).min() <= 512
-    assert len(zlib.compress(rounded.tobytes())) < 0.5 * len(
-        zlib.compress(values.astype(np.float32).tobytes())
-    )
-    np.testing.assert_array_equal(
-        scenes._rounded(np.full(3, 0.3), 256), np.float32([0.3, 0.3, 0.3])
-    )
+    assert len(zlib.compress(rounded.tobytes())) < 0.5 * len(zlib.compress(values.astype(np.float32).tobytes()))
+    np.testing.assert_array_equal(scenes._rounded(np.full(3, 0.3), 256), np.float32([0.3, 0.3, 0.3]))
 
 
 def test_legend_is_written_over_the_scene():
     page = Scene(ball()[1], "a ball", legend={"target <1>": "#D62728"}).page
     legend = page[page.index("OfflineLocalView.load(container") :]
-    assert (
-        "color:#D62728" in legend
-        and "target &lt;1&gt;</div>" in legend
-        and legend.rstrip().endswith("</html>")
-    )
+    assert "color:#D62728" in legend and "target &lt;1&gt;</div>" in legend and legend.rstrip().endswith("</html>")
     assert "D62728" not in Scene(ball()[1], "a ball").page
 
 
 def test_poster_waits_for_a_click():
     markup = Scene(ball()[1], "a ball", poster=True)._repr_html_()
     assert re.search(
-        '<button [^>]*style="[^"]*width:100%[^>]*><img alt="a ball" [^>]*src="data:image/png;base64,',
-        markup,
+        '<button [^>]*style="[^"]*width:100%[^>]*><img alt="a ball" [^>]*src="data:image/png;base64,', markup
     )
     assert "srcdoc=" not in markup.replace("f.srcdoc=f.dataset.page", "") and "data-page=" in markup
 
@@ -99,14 +90,10 @@ def test_a_surface_that_only_the_plotter_holds_keeps_its_colours():
 def without_screen(monkeypatch, libraries, egl_device):
     monkeypatch.setattr(scenes.sys, "platform", "linux")
     monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.setenv(
-        "VTK_DEFAULT_OPENGL_WINDOW", ""
-    )  # so that monkeypatch restores it afterwards
+    monkeypatch.setenv("VTK_DEFAULT_OPENGL_WINDOW", "")  # so that monkeypatch restores it afterwards
     monkeypatch.delenv("VTK_DEFAULT_OPENGL_WINDOW")
     monkeypatch.setattr(scenes, "_egl_finds_a_device", lambda: egl_device)
-    monkeypatch.setattr(
-        scenes, "_loads", lambda *names: next((name for name in names if name in libraries), None)
-    )
+    monkeypatch.setattr(scenes, "_loads", lambda *names: next((name for name in names if name in libraries), None))
 
 
 @pytest.mark.parametrize(

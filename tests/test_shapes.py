@@ -8,9 +8,9 @@ import pytest
 from jaxtyping import AbstractArray, Complex, Float
 from numpy import ndarray
 from scipy import sparse
-from shapes import ShapeError, held, hold_class, members_of
 
 import qclearn as qc
+from shapes import ShapeError, held, hold_class, members_of
 
 PUBLIC = [getattr(qc, name) for name in qc.__all__]
 
@@ -42,11 +42,7 @@ def without_shape(hint):
 
 
 def is_sparse(part):
-    return (
-        inspect.isclass(part)
-        and issubclass(part, sparse.sparray)
-        and not issubclass(part, AbstractArray)
-    )
+    return inspect.isclass(part) and issubclass(part, sparse.sparray) and not issubclass(part, AbstractArray)
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
@@ -67,9 +63,7 @@ def test_every_array_of_a_public_class_has_a_shape(cls):
 
 def test_an_array_without_a_shape_is_noticed():
     assert without_shape(ndarray) and without_shape(tuple[Float[ndarray, " V"], ndarray | None])
-    assert without_shape(sparse.csc_array) and not without_shape(
-        Float[sparse.csc_array, " V V"] | None
-    )
+    assert without_shape(sparse.csc_array) and not without_shape(Float[sparse.csc_array, " V V"] | None)
 
 
 def test_a_planted_wrong_shape_is_noticed():
@@ -104,11 +98,7 @@ def test_the_public_functions_are_held_to_their_shapes():
     z, faces = qc.polar_disk(2, 6)
     assert qc.locate is beltrami.locate and qc.mobius is solver.mobius
     with pytest.raises(ShapeError, match="compose_coefficients takes mu_g"):
-        qc.compose_coefficients(
-            np.zeros(3, complex), np.ones(3, complex), np.zeros((2, 3), complex)
-        )
-    assert hasattr(qc.BeltramiDiskSolver.solve, "__wrapped__") and hasattr(
-        Disk.sampling, "__wrapped__"
-    )
+        qc.compose_coefficients(np.zeros(3, complex), np.ones(3, complex), np.zeros((2, 3), complex))
+    assert hasattr(qc.BeltramiDiskSolver.solve, "__wrapped__") and hasattr(Disk.sampling, "__wrapped__")
     with pytest.raises(qc.BeltramiError, match="give complex numbers"):
         qc.signed_areas(np.stack([z, z]), faces)

@@ -6,9 +6,6 @@ from collections import namedtuple
 import nibabel
 import numpy as np
 import pytest
-from test_cli import everything, refused, run
-from test_whole import BALL, made  # noqa: F401 (a fixture)
-from workbench import unknown, workbench
 
 import qclearn as qc
 from qclearn.io.frames import Frame
@@ -30,46 +27,29 @@ from qclearn.registration.sphere import (
 )
 from qclearn.registration.transfer import side_arrays, write_registration
 from qclearn.surfaces.conformal import apply_mobius, parameterize
+from test_cli import everything, refused, run
+from test_whole import BALL, made  # noqa: F401 (a fixture)
+from workbench import unknown, workbench
 
-FILES = [
-    "ArealDistortion.shape.gii",
-    "ShapeDistortion.shape.gii",
-    "sphere.reg",
-    "sphere.reg.surf.gii",
-]
+FILES = ["ArealDistortion.shape.gii", "ShapeDistortion.shape.gii", "sphere.reg", "sphere.reg.surf.gii"]
 
 
 @pytest.fixture(scope="module")
 def maps():
     """fsaverage5's right hemisphere, mirrored, on its left one: conformal maps and the best Möbius
     map by landmarks."""
-    sides = {
-        side: read_hemisphere(f"fsaverage5:{name}")
-        for side, name in (("moving", "right"), ("control", "left"))
-    }
+    sides = {side: read_hemisphere(f"fsaverage5:{name}") for side, name in (("moving", "right"), ("control", "left"))}
     disks = {"moving": qc.mirror(sides["moving"].disk), "control": sides["control"].disk}
     laid = {side: parameterize(disk) for side, disk in disks.items()}
-    ends = {
-        side: [vertex for curve in qc.demo_landmarks()["curves"] for vertex in curve[side]]
-        for side in laid
-    }
+    ends = {side: [vertex for curve in qc.demo_landmarks()["curves"] for vertex in curve[side]] for side in laid}
     z = {side: one.disk.z for side, one in laid.items()}
     mapped = apply_mobius(
         laid["moving"], qc.best_mobius(*(z[side][ends[side]] for side in ("moving", "control")))
     ).disk.z
-    arrays = {
-        "disk_moving": z["moving"],
-        "disk_map": mapped,
-        "disk_control": z["control"],
-        "mirrored": np.array(True),
-    }
+    arrays = {"disk_moving": z["moving"], "disk_map": mapped, "disk_control": z["control"], "mirrored": np.array(True)}
     for side, disk in disks.items():
         arrays |= {f"faces_{side}": disk.faces} | side_arrays(side, disk, sides[side].frame)
-    return arrays | {
-        "points": qc.transfer(
-            disks["control"].vertices, z["control"], disks["control"].faces, mapped
-        )
-    }
+    return arrays | {"points": qc.transfer(disks["control"].vertices, z["control"], disks["control"].faces, mapped)}
 
 
 @pytest.fixture(scope="module")
@@ -92,10 +72,7 @@ def faults(surface):
 def test_a_hemisphere_on_itself_has_its_own_sphere(maps):
     """By the identity of the disk: cortex and wall alike, but for what comes too near to the circle
     beside the rim."""
-    own = {
-        f"{name}_moving": maps[f"{name}_control"]
-        for name in ("faces", "table", "whole_faces", "about", "vertices")
-    }
+    own = {f"{name}_moving": maps[f"{name}_control"] for name in ("faces", "table", "whole_faces", "about", "vertices")}
     ball = whole_fsaverage5("left", "sphere")
     laid = registered_sphere(maps | own | {"disk_map": maps["disk_control"]}, ball)
     np.testing.assert_array_equal(laid.surface.faces, ball.faces)
@@ -120,9 +97,7 @@ def test_the_files_hold_a_sound_sphere(maps, written):
 
 
 def test_without_untangling_faces_are_flipped(maps, monkeypatch):
-    monkeypatch.setattr(
-        spheres, "untangled", lambda vertices, faces, rings: (spheres.stored(vertices), [])
-    )
+    monkeypatch.setattr(spheres, "untangled", lambda vertices, faces, rings: (spheres.stored(vertices), []))
     assert len(faults(registered_sphere(maps, whole_fsaverage5("left", "sphere")).surface)) > 10
 
 
@@ -154,9 +129,7 @@ def test_points_are_drawn_into_the_rims_polygon_in_their_order():
     np.testing.assert_allclose(drawn[2][near], 0.9 * np.exp(1j * angle[near]))
 
 
-@pytest.mark.parametrize(
-    "scale, areal, shape", [((2, 1, 1), 1, 1), ((0.5, 0.5, 1), -2, 0), ((1, -3, 1), 1.585, 1.585)]
-)
+@pytest.mark.parametrize("scale, areal, shape", [((2, 1, 1), 1, 1), ((0.5, 0.5, 1), -2, 0), ((1, -3, 1), 1.585, 1.585)])
 def test_distortion_of_a_stretch(scale, areal, shape):
     z, faces = polar_disk(4, 9)
     flat = np.stack([z.real, z.imag, 0 * z.real], 1)
@@ -175,9 +148,7 @@ def judged(maps, written):
     for side, name in (("moving", "right"), ("control", "left")):
         places = whole_fsaverage5(name, "pial").vertices
         qc.write_values(written / f"{side}.func.gii", places, "left")
-        qc.write_values(
-            written / f"{side}.label.gii", (places[:, 1] // 20 + 10).astype(np.int32), "left"
-        )
+        qc.write_values(written / f"{side}.label.gii", (places[:, 1] // 20 + 10).astype(np.int32), "left")
     return written
 
 
@@ -188,9 +159,7 @@ def resampled(folder, what, source, *more):
     target = "control" if source == "moving" else "moving"
     out = folder / f"to_{target}.{what}.gii"
     kind = {"func": "-metric-resample", "label": "-label-resample"}[what]
-    workbench(
-        kind, folder / f"{source}.{what}.gii", at[source], at[target], "BARYCENTRIC", out, *more
-    )
+    workbench(kind, folder / f"{source}.{what}.gii", at[source], at[target], "BARYCENTRIC", out, *more)
     return qc.read_values(out)
 
 
@@ -209,23 +178,15 @@ def test_workbench_carries_places_as_transfer_does(maps, judged, source, mean, m
 
 def test_workbench_carries_parcels_as_transfer_does(maps, judged):
     labels = qc.read_values(judged / "control.label.gii")[maps["table_control"]]
-    wanted = qc.transfer(
-        labels, maps["disk_control"], maps["faces_control"], maps["disk_map"], nearest=True
-    )
+    wanted = qc.transfer(labels, maps["disk_control"], maps["faces_control"], maps["disk_map"], nearest=True)
     found = resampled(judged, "label", "control", "-largest")[maps["table_moving"]]
     assert (found != wanted).mean() <= 1e-3 and len(np.unique(wanted)) > 5
 
 
 def test_workbench_takes_the_sphere_there_and_back_and_knows_the_files(judged):
-    own, control, out = (
-        judged / "out/sphere.reg.surf.gii",
-        judged / "control.surf.gii",
-        judged / "back.surf.gii",
-    )
+    own, control, out = (judged / "out/sphere.reg.surf.gii", judged / "control.surf.gii", judged / "back.surf.gii")
     workbench("-surface-sphere-project-unproject", own, control, control, out)
-    np.testing.assert_allclose(
-        qc.read_surface(out).vertices, qc.read_surface(own).vertices, atol=1e-3
-    )
+    np.testing.assert_allclose(qc.read_surface(out).vertices, qc.read_surface(own).vertices, atol=1e-3)
     for name in FILES[:2] + FILES[3:]:
         told = workbench("-file-information", judged / "out" / name)
         assert unknown(told) == (["Surface Type (Secondary)"] if "surf" in name else [])
@@ -236,21 +197,15 @@ def test_workbench_takes_the_sphere_there_and_back_and_knows_the_files(judged):
 def test_workbench_finds_the_same_distortion(maps, judged):
     frame = Frame("right", kind="Pial")
     for name, vertices in (("here", maps["vertices_moving"]), ("there", maps["points"])):
-        surface = namedtuple("Mesh", "vertices faces original_vertices")(
-            vertices, maps["faces_moving"], None
-        )
+        surface = namedtuple("Mesh", "vertices faces original_vertices")(vertices, maps["faces_moving"], None)
         qc.write_surface(judged / f"{name}.surf.gii", surface, frame=frame)
     ends = judged / "here.surf.gii", judged / "there.surf.gii"
     workbench("-surface-distortion", *ends, judged / "area.func.gii")
-    workbench(
-        "-surface-distortion", *ends, judged / "affine.func.gii", "-local-affine-method", "-log2"
-    )
+    workbench("-surface-distortion", *ends, judged / "affine.func.gii", "-local-affine-method", "-log2")
     areal, shape = (qc.read_values(judged / "out" / name) for name in FILES[:2])
     table = maps["table_moving"]
     np.testing.assert_allclose(areal[table], qc.read_values(judged / "area.func.gii"), atol=1e-3)
-    np.testing.assert_allclose(
-        shape[table], qc.read_values(judged / "affine.func.gii")[:, 1], atol=1e-3
-    )
+    np.testing.assert_allclose(shape[table], qc.read_values(judged / "affine.func.gii")[:, 1], atol=1e-3)
     wall = np.setdiff1d(np.arange(len(areal)), table)
     assert not areal[wall].any() and not shape[wall].any() and areal[table].std() > 0.1
 
@@ -265,28 +220,12 @@ def bulged(vertices):
 @pytest.mark.parametrize(
     "vertices, faces, fault",
     [
-        (
-            bulged(BALL.vertices),
-            BALL.faces,
-            "not a sphere: its vertices lie 0.9 to 1.1 from 0; .*lh.inflated is none",
-        ),
-        (
-            BALL.vertices + [0.5, 0, 0],
-            BALL.faces,
-            r"a sphere around \(0.5, 0.0, 0.0\), .* one around 0",
-        ),
+        (bulged(BALL.vertices), BALL.faces, "not a sphere: its vertices lie 0.9 to 1.1 from 0; .*lh.inflated is none"),
+        (BALL.vertices + [0.5, 0, 0], BALL.faces, r"a sphere around \(0.5, 0.0, 0.0\), .* one around 0"),
         (BALL.vertices, BALL.faces[:, ::-1], "looks inward"),
         (BALL.vertices * [-1, 1, 1], BALL.faces, "looks inward: .*mirrored"),
-        (
-            BALL.vertices * [-1, 1, 1],
-            BALL.faces[:, ::-1],
-            "the other way round .* other hemisphere",
-        ),
-        (
-            BALL.vertices[::-1],
-            641 - BALL.faces,
-            "its faces are not the control's: .* another subject",
-        ),
+        (BALL.vertices * [-1, 1, 1], BALL.faces[:, ::-1], "the other way round .* other hemisphere"),
+        (BALL.vertices[::-1], 641 - BALL.faces, "its faces are not the control's: .* another subject"),
     ],
 )
 def test_what_is_not_the_controls_sphere(vertices, faces, fault):
@@ -295,9 +234,7 @@ def test_what_is_not_the_controls_sphere(vertices, faces, fault):
 
 
 def test_a_sphere_of_another_count_and_one_of_any_radius():
-    with pytest.raises(
-        qc.SurfaceError, match="642 vertices and 1280 faces, where the control has 10242 and 20480"
-    ):
+    with pytest.raises(qc.SurfaceError, match="642 vertices and 1280 faces, where the control has 10242 and 20480"):
         unit_sphere(BALL, whole_fsaverage5("left", "sphere").faces)
     for radius in (1, 100):
         scaled = qc.Surface(radius * BALL.vertices, BALL.faces)
@@ -306,24 +243,16 @@ def test_a_sphere_of_another_count_and_one_of_any_radius():
 
 def test_the_command_refuses_in_one_line(written, tmp_path, capsys, maps):
     words = ("sphere", written / "registration.npz")
-    assert "right hemisphere" in refused(
-        capsys, tmp_path, *words, "fsaverage5:right", "--out", tmp_path / "x"
-    )
+    assert "right hemisphere" in refused(capsys, tmp_path, *words, "fsaverage5:right", "--out", tmp_path / "x")
     inflated = tmp_path / "lh.inflated"
     qc.write_surface(inflated, whole_fsaverage5("left", "inflated"))
-    assert "lh.inflated: not a sphere" in refused(
-        capsys, tmp_path, *words, inflated, "--out", tmp_path / "x"
-    )
+    assert "lh.inflated: not a sphere" in refused(capsys, tmp_path, *words, inflated, "--out", tmp_path / "x")
     later = ("about", "table", "whole_faces", "vertices", "mirrored")
     old = {name: array for name, array in maps.items() if not name.startswith(later)}
     write_registration(tmp_path / "old.npz", old)
     words = ("sphere", tmp_path / "old.npz", "fsaverage5:left", "--out", tmp_path / "x")
     assert "old.npz: written by an older version" in refused(capsys, tmp_path, *words)
-    cut = {
-        name: array
-        for name, array in maps.items()
-        if name not in ("table_control", "whole_faces_control")
-    }
+    cut = {name: array for name, array in maps.items() if name not in ("table_control", "whole_faces_control")}
     write_registration(tmp_path / "cut.npz", cut)
     words = ("sphere", tmp_path / "cut.npz", "fsaverage5:left", "--out", tmp_path / "x")
     assert "cut.npz: the whole control surface is not known" in refused(capsys, tmp_path, *words)
@@ -338,9 +267,7 @@ def test_a_surface_with_a_boundary_or_handles_has_no_sphere(maps):
 def test_register_writes_the_sphere_and_refuses_a_wrong_one_first(made, tmp_path, capsys):  # noqa: F811
     """And a later `sphere` into its folder leaves what is there."""
     control = qc.read_surface(made / "lh.pial")
-    ball = qc.Surface(
-        control.vertices / np.linalg.norm(control.vertices, axis=1, keepdims=True), control.faces
-    )
+    ball = qc.Surface(control.vertices / np.linalg.norm(control.vertices, axis=1, keepdims=True), control.faces)
     nibabel.freesurfer.write_geometry(tmp_path / "lh.sphere", ball.vertices, ball.faces)
     nibabel.freesurfer.write_geometry(tmp_path / "lh.inflated", bulged(ball.vertices), ball.faces)
     words = ["register", made / "lh.pial", made / "lh.pial", "--cortex", made / "lh.cortex.label"]

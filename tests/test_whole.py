@@ -7,16 +7,16 @@ import re
 import nibabel
 import numpy as np
 import pytest
-from freesurfer import GEOMETRY
-from known_surfaces import sphere
-from test_cli import everything, refused, run
 
 import qclearn as qc
+from freesurfer import GEOMETRY
+from known_surfaces import sphere
 from qclearn.io.hemisphere import read_hemisphere
 from qclearn.io.meshes import frame_of
 from qclearn.io.values import read_map
 from qclearn.registration.curves import on_disks
 from qclearn.registration.transfer import read_registration
+from test_cli import everything, refused, run
 
 BALL = sphere()
 WALL = BALL.vertices[:, 2] < -0.8
@@ -31,11 +31,7 @@ def label(path, vertices):
 def bumpy(height):
     """A whole hemisphere of 642 vertices, in mm, with some folds."""
     x, y, z = BALL.vertices.T
-    return (
-        50
-        * BALL.vertices
-        * (1 + height * np.sin(4 * x + 1) * np.cos(5 * y) * np.cos(3 * z))[:, None]
-    )
+    return 50 * BALL.vertices * (1 + height * np.sin(4 * x + 1) * np.cos(5 * y) * np.cos(3 * z))[:, None]
 
 
 @pytest.fixture(scope="module")
@@ -49,45 +45,24 @@ def made(tmp_path_factory):
     for side, height in (("lh", 0.1), ("rh", 0.12)):
         whole = qc.Surface(bumpy(height)[turn], back[BALL.faces])
         whole = qc.mirror(whole) if side == "rh" else whole
-        nibabel.freesurfer.write_geometry(
-            folder / f"{side}.pial", whole.vertices, whole.faces, volume_info=GEOMETRY
-        )
+        nibabel.freesurfer.write_geometry(folder / f"{side}.pial", whole.vertices, whole.faces, volume_info=GEOMETRY)
         label(folder / f"{side}.cortex.label", np.flatnonzero(~WALL[turn]))
-        sulc = np.where(
-            WALL[turn], np.nan, np.sin(4 * BALL.vertices[turn, 0]) + BALL.vertices[turn, 1]
-        )
+        sulc = np.where(WALL[turn], np.nan, np.sin(4 * BALL.vertices[turn, 0]) + BALL.vertices[turn, 1])
         nibabel.freesurfer.write_morph_data(folder / f"{side}.sulc", sulc)
         regions = np.where(WALL[turn], -1, np.where(BALL.vertices[turn, 0] > 0, 1, 2))
         table = np.array([[25, 5, 25, 0, 0], [100, 20, 30, 0, 0], [20, 220, 60, 0, 0]])
-        nibabel.freesurfer.write_annot(
-            folder / f"{side}.aparc.annot", regions, table, NAMES, fill_ctab=True
-        )
+        nibabel.freesurfer.write_annot(folder / f"{side}.aparc.annot", regions, table, NAMES, fill_ctab=True)
     curves = []
     for name, axis in (("one", 0), ("two", 1)):
-        ends = [
-            int(back[(BALL.vertices @ np.insert([1.0, s], axis, 0)).argmax()]) for s in (0.2, -0.6)
-        ]
+        ends = [int(back[(BALL.vertices @ np.insert([1.0, s], axis, 0)).argmax()]) for s in (0.2, -0.6)]
         curves.append({"name": name, "moving": ends, "control": ends, "detect": False})
     (folder / "landmarks.json").write_text(json.dumps({"curves": curves}))
     return folder
 
 
 def to_register(folder, *options):
-    words = (
-        "--cortex",
-        folder / "rh.cortex.label",
-        "--control-cortex",
-        folder / "lh.cortex.label",
-        "--mirror",
-    )
-    return [
-        "register",
-        folder / "rh.pial",
-        folder / "lh.pial",
-        *words,
-        "--accept-suspect",
-        *options,
-    ]
+    words = ("--cortex", folder / "rh.cortex.label", "--control-cortex", folder / "lh.cortex.label", "--mirror")
+    return ["register", folder / "rh.pial", folder / "lh.pial", *words, "--accept-suspect", *options]
 
 
 @pytest.fixture(scope="module")
@@ -112,13 +87,7 @@ def cut(made, tmp_path_factory):
         for curve in landmarks["curves"]:
             curve[key] = [int(np.flatnonzero(table == vertex)[0]) for vertex in curve[key]]
     (folder / "landmarks.json").write_text(json.dumps(landmarks))
-    more = (
-        "--landmarks",
-        folder / "landmarks.json",
-        "--feature",
-        folder / "rh.sulc.npy",
-        folder / "lh.sulc.npy",
-    )
+    more = ("--landmarks", folder / "landmarks.json", "--feature", folder / "rh.sulc.npy", folder / "lh.sulc.npy")
     pair = folder / "rh.open.npz", folder / "lh.open.npz"
     run("register", *pair, "--mirror", *more, "--out", folder / "out")
     return folder
@@ -128,22 +97,16 @@ def test_a_whole_pair_is_registered_bit_for_bit_as_one_cut_by_hand(registered, c
     ours, theirs = (np.load(place / "registration.npz") for place in (registered, cut / "out"))
     assert set(ours.files) == set(theirs.files)
     assert [name for name in ours.files if not np.array_equal(ours[name], theirs[name])] == []
-    assert (registered / "registered.surf.gii").read_bytes() == (
-        cut / "out" / "registered.surf.gii"
-    ).read_bytes()
+    assert (registered / "registered.surf.gii").read_bytes() == (cut / "out" / "registered.surf.gii").read_bytes()
 
 
 def test_the_report_holds_whole_landmarks_for_the_whole_surfaces(made, registered):
     report = json.loads((registered / "report.json").read_text())
-    assert (
-        report["inputs"]["moving"]["sha256"]
-        == qc.read_surface(made / "rh.pial").fingerprint["sha256"]
-    )
+    assert report["inputs"]["moving"]["sha256"] == qc.read_surface(made / "rh.pial").fingerprint["sha256"]
     given = {"moving": read_hemisphere(made / "rh.pial", made / "rh.cortex.label")}
     given["control"] = read_hemisphere(made / "lh.pial", made / "lh.cortex.label")
     (one, _), (cut_one, _) = (
-        landmarks["curves"]
-        for landmarks in (report["landmarks"], on_disks(report["landmarks"], given))
+        landmarks["curves"] for landmarks in (report["landmarks"], on_disks(report["landmarks"], given))
     )
     assert cut_one["detect"] is False and cut_one["moving"] != one["moving"]
     assert given["moving"].disk.original_vertices[cut_one["moving"]].tolist() == one["moving"]
@@ -157,10 +120,7 @@ def test_whole_values_go_in_and_come_out(made, registered, cut, tmp_path, wall):
     """On the cortex bit for bit what cut values give."""
     words = "transfer", registered / "registration.npz", made / "rh.sulc", "--to", "control"
     run(*words, "--wall", wall, "--out", tmp_path / "there.npy")
-    there, maps = (
-        np.load(tmp_path / "there.npy"),
-        read_registration(registered / "registration.npz"),
-    )
+    there, maps = (np.load(tmp_path / "there.npy"), read_registration(registered / "registration.npz"))
     sulc = np.load(cut / "rh.sulc.npy")
     expected = qc.transfer(sulc, maps["disk_map"], maps["faces_moving"], maps["disk_control"])
     table, cortex = maps["table_control"], tmp_path / "cortex.shape.gii"
@@ -173,9 +133,7 @@ def test_whole_values_go_in_and_come_out(made, registered, cut, tmp_path, wall):
         found = read_map(cortex)
         assert found.side == "left" and found.names == ["cortex"]
         np.testing.assert_array_equal(np.flatnonzero(found.values), table)
-    run(
-        *words[:2], cut / "rh.sulc.npy", *words[3:], "--wall", wall, "--out", tmp_path / "again.npy"
-    )
+    run(*words[:2], cut / "rh.sulc.npy", *words[3:], "--wall", wall, "--out", tmp_path / "again.npy")
     np.testing.assert_array_equal(np.load(tmp_path / "again.npy"), there)
 
 
@@ -183,20 +141,13 @@ def test_whole_values_go_in_and_come_out(made, registered, cut, tmp_path, wall):
 def test_whole_labels_go_in_and_come_out(made, registered, tmp_path, name):
     words = made / "rh.aparc.annot", "--to", "control", "--nearest", "--out", tmp_path / name
     run("transfer", registered / "registration.npz", *words)
-    found, table = (
-        read_map(tmp_path / name),
-        read_registration(registered / "registration.npz")["table_control"],
-    )
+    found, table = (read_map(tmp_path / name), read_registration(registered / "registration.npz")["table_control"])
     none = -1 if name.endswith("annot") else 0
-    assert set(np.delete(found.values, table)) == {none} and {1, 2} <= set(
-        found.values[table].tolist()
-    ) <= {none, 1, 2}
+    assert set(np.delete(found.values, table)) == {none} and {1, 2} <= set(found.values[table].tolist()) <= {none, 1, 2}
     assert found.side == "left" and [found.labels[key][0] for key in (1, 2)] == NAMES[1:]
     np.testing.assert_allclose(found.labels[2][1], np.array([20, 220, 60, 255]) / 255, atol=1e-6)
     if name.endswith("annot"):
-        assert [
-            word.decode() for word in nibabel.freesurfer.read_annot(tmp_path / name)[2]
-        ] == NAMES
+        assert [word.decode() for word in nibabel.freesurfer.read_annot(tmp_path / name)[2]] == NAMES
 
 
 def test_two_sides_in_a_name_do_not_hide_the_registrations(made, registered, tmp_path):
@@ -207,10 +158,7 @@ def test_two_sides_in_a_name_do_not_hide_the_registrations(made, registered, tmp
 
 def test_the_registered_surface_lies_in_the_scanner(made, registered):
     """And it does not matter whether the other surface was given in the scanner's coordinates."""
-    frame, points = (
-        frame_of(registered / "registered.surf.gii"),
-        np.load(registered / "registration.npz")["points"],
-    )
+    frame, points = (frame_of(registered / "registered.surf.gii"), np.load(registered / "registration.npz")["points"])
     assert (frame.side, frame.kind, frame.in_scanner) == ("left", "Pial", True)
     shifted = qc.read_surface(registered / "registered.surf.gii").vertices
     np.testing.assert_allclose(shifted, points + GEOMETRY["cras"], atol=1e-5)
@@ -222,38 +170,23 @@ def test_scanner_and_freesurfer_coordinates_go_together(made, registered, tmp_pa
     words = [moving if word == made / "rh.pial" else word for word in to_register(made)]
     more = "--landmarks", made / "landmarks.json", "--feature", made / "rh.sulc", made / "lh.sulc"
     run(*words, *more, "--out", tmp_path / "out")
-    ours, theirs = (
-        np.load(place / "registration.npz")["points"] for place in (tmp_path / "out", registered)
-    )
-    np.testing.assert_allclose(
-        ours, theirs, atol=1e-2
-    )  # mm; float32 coordinates are rounded elsewhere
+    ours, theirs = (np.load(place / "registration.npz")["points"] for place in (tmp_path / "out", registered))
+    np.testing.assert_allclose(ours, theirs, atol=1e-2)  # mm; float32 coordinates are rounded elsewhere
 
 
 def test_a_cut_gifti_knows_its_whole_surface_too(made, cut, tmp_path):
     """But for its faces: `open` writes the numbers into the metadata."""
-    words = (
-        "--label",
-        made / "rh.cortex.label",
-        "--keep",
-        "--out",
-        tmp_path / "rh.pial.open.surf.gii",
-    )
+    words = ("--label", made / "rh.cortex.label", "--keep", "--out", tmp_path / "rh.pial.open.surf.gii")
     run("open", made / "rh.pial", *words)
     ours, theirs = (read_hemisphere(path) for path in (words[-1], cut / "rh.open.npz"))
     np.testing.assert_array_equal(ours.disk.original_vertices, theirs.disk.original_vertices)
     assert ours.numbering.known and ours.frame.count == 642 and ours.frame.whole is None
-    assert ours.frame.kind == theirs.frame.kind == "Pial" and len(theirs.frame.whole) == len(
-        BALL.faces
-    )
+    assert ours.frame.kind == theirs.frame.kind == "Pial" and len(theirs.frame.whole) == len(BALL.faces)
 
 
 def in_pieces(folder):
     """Two caps, without the ring between them."""
-    label(
-        folder / "lh.bad.label",
-        np.flatnonzero(abs(qc.read_surface(folder / "lh.pial").vertices[:, 0]) > 10),
-    )
+    label(folder / "lh.bad.label", np.flatnonzero(abs(qc.read_surface(folder / "lh.pial").vertices[:, 0]) > 10))
     return "lh.bad.label"
 
 
@@ -271,9 +204,7 @@ def with_a_hole(folder):
 ])  # fmt: skip
 def test_labels_of_the_cortex_that_do_not_fit_are_one_line(made, tmp_path, capsys, spoil, message):
     name = spoil(made)
-    words = [
-        made / name if word == made / "lh.cortex.label" else word for word in to_register(made)
-    ]
+    words = [made / name if word == made / "lh.cortex.label" else word for word in to_register(made)]
     assert re.search(message, refused(capsys, tmp_path, *words, "--out", tmp_path / "out"))
     if name == "rh.cortex.label":
         words = "--label", made / name, "--keep", "--out", tmp_path / "x.npz"
@@ -284,17 +215,12 @@ def test_what_belongs_to_another_surface_is_one_line(made, registered, tmp_path,
     words = "transfer", registered / "registration.npz"
     np.save(tmp_path / "other.npy", np.zeros(700))
     for values, message in (
-        (
-            made / "lh.sulc",
-            "lh.sulc: is of the left hemisphere, the moving surface of the right one",
-        ),
+        (made / "lh.sulc", "lh.sulc: is of the left hemisphere, the moving surface of the right one"),
         (tmp_path / "other.npy", r"700 values for \d+ vertices .*, 642 before it was cut open"),
     ):
         to = "--to", "control", "--out", tmp_path / "there.npy"
         assert re.search(message, refused(capsys, tmp_path, *words, values, *to))
-    (tmp_path / "cortex.shape.gii").write_bytes(
-        (registered / "registered.surf.gii").read_bytes()[:50]
-    )
+    (tmp_path / "cortex.shape.gii").write_bytes((registered / "registered.surf.gii").read_bytes()[:50])
     line = refused(capsys, tmp_path, *words, made / "rh.sulc", *to)
     assert "cortex.shape.gii" in line
     to = "--nearest", "--wall", "nan", *to
@@ -315,9 +241,7 @@ def test_annotations_of_another_surface_or_side_are_one_line(made, tmp_path, cap
     """fsaverage's, which has 16 times fsaverage5's vertices, and the other hemisphere's."""
     table = np.array([[25, 5, 25, 0, 0], [100, 20, 30, 0, 0]])
     large = tmp_path / "rh.aparc.annot"
-    nibabel.freesurfer.write_annot(
-        large, np.arange(16 * 642) % 2, table, ["unknown", "cuneus"], fill_ctab=True
-    )
+    nibabel.freesurfer.write_annot(large, np.arange(16 * 642) % 2, table, ["unknown", "cuneus"], fill_ctab=True)
     for annotation, message in (
         (large, r"rh.aparc.annot: 10272 values for \d+ vertices .*, 642 before it was cut open"),
         (made / "lh.aparc.annot", "lh.aparc.annot: is of the left hemisphere"),
@@ -331,20 +255,12 @@ def test_landmarks_on_the_wall_are_one_line(made, tmp_path, capsys):
     vertex = int(qc.read_surface(made / "rh.pial").vertices[:, 2].argmin())
     landmarks["curves"][0]["moving"][0] = vertex
     (tmp_path / "l.json").write_text(json.dumps(landmarks))
-    line = refused(
-        capsys,
-        tmp_path,
-        *to_register(made, "--landmarks", tmp_path / "l.json", "--out", tmp_path / "o"),
-    )
+    line = refused(capsys, tmp_path, *to_register(made, "--landmarks", tmp_path / "l.json", "--out", tmp_path / "o"))
     assert f"curve 'one', moving side: vertices [{vertex}] lie on the medial wall" in line
 
 
-def test_a_whole_surface_without_a_label_and_an_open_one_with_one_are_one_line(
-    made, cut, tmp_path, capsys
-):
-    line = refused(
-        capsys, tmp_path, "register", made / "rh.pial", made / "lh.pial", "--out", tmp_path / "out"
-    )
+def test_a_whole_surface_without_a_label_and_an_open_one_with_one_are_one_line(made, cut, tmp_path, capsys):
+    line = refused(capsys, tmp_path, "register", made / "rh.pial", made / "lh.pial", "--out", tmp_path / "out")
     assert re.search("closed .*--cortex", line)
     words = "--cortex", made / "rh.cortex.label", "--out", tmp_path / "out"
     line = refused(capsys, tmp_path, "register", cut / "rh.open.npz", made / "lh.pial", *words)
@@ -360,9 +276,7 @@ def test_a_surface_with_a_handle_is_one_line(tmp_path, capsys):
 
     torus = pyvista.ParametricTorus(u_res=30, v_res=20).triangulate().clean(tolerance=1e-6)
     surface = qc.Surface(torus.points, torus.regular_faces)
-    surface = (
-        surface if surface.volume > 0 else qc.Surface(torus.points, torus.regular_faces[:, ::-1])
-    )
+    surface = surface if surface.volume > 0 else qc.Surface(torus.points, torus.regular_faces[:, ::-1])
     qc.write_surface(tmp_path / "lh.torus", surface)
     label(tmp_path / "lh.cortex.label", np.flatnonzero(surface.vertices[:, 0] < 1.3))
     words = "lh.torus", "fsaverage5:left", "--cortex", "lh.cortex.label", "--out", "out"
@@ -372,12 +286,7 @@ def test_a_surface_with_a_handle_is_one_line(tmp_path, capsys):
 
 def test_fsaverage5_goes_by_its_name():
     left = read_hemisphere("fsaverage5:left")
-    assert (
-        left.is_whole
-        and left.numbering.known
-        and left.frame.side == "left"
-        and left.frame.kind == "Pial"
-    )
+    assert left.is_whole and left.numbering.known and left.frame.side == "left" and left.frame.kind == "Pial"
     np.testing.assert_array_equal(left.disk.vertices, qc.fsaverage5("left").vertices)
     np.testing.assert_array_equal(left.frame.whole, left.given.faces)
     assert left.numbering.count == len(left.given.vertices) == 10242
@@ -400,14 +309,6 @@ def test_vertices_on_the_rim_of_a_label_may_go(made, tmp_path):
 
 def test_open_says_what_goes(made, tmp_path, capsys):
     in_pieces(made)
-    run(
-        "open",
-        made / "lh.pial",
-        "--label",
-        made / "lh.bad.label",
-        "--keep",
-        "--out",
-        tmp_path / "x.npz",
-    )
+    run("open", made / "lh.pial", "--label", made / "lh.bad.label", "--keep", "--out", tmp_path / "x.npz")
     assert re.search(r"\d+ vertices outside the mask go: they lie apart", capsys.readouterr().out)
     assert everything(tmp_path) == ["x.npz"]

@@ -17,9 +17,7 @@ def workbench(*words):
         message = "NO WORKBENCH: files are NOT checked by it. On Debian: apt-get install connectome-workbench"
         (pytest.fail if os.environ.get("REQUIRE_WORKBENCH") else pytest.skip)(message)
     found = subprocess.run([command, *map(str, words)], capture_output=True, text=True, check=False)
-    assert found.returncode == 0 and "WARNING" not in found.stdout + found.stderr, (
-        found.stdout + found.stderr
-    )
+    assert found.returncode == 0 and "WARNING" not in found.stdout + found.stderr, found.stdout + found.stderr
     return found.stdout
 
 

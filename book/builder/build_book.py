@@ -53,10 +53,7 @@ def build_notebooks():
     last."""
     shutil.rmtree(SITE / "notebook", ignore_errors=True)
     sphinx("--builder", "custom", "--custom-builder", "notebook")
-    return {
-        page: nbformat.read(SITE / "notebook" / f"{page}.ipynb", as_version=4)
-        for page in chapters()
-    }
+    return {page: nbformat.read(SITE / "notebook" / f"{page}.ipynb", as_version=4) for page in chapters()}
 
 
 def offer(pages):
@@ -73,13 +70,9 @@ def main():
         default="",
         help="execute these, whether they changed or not, and no others, as in: --pages lbs,fourier",
     )
-    parser.add_argument(
-        "--no-site", action="store_true", help="execute the pages and leave the site as it is"
-    )
+    parser.add_argument("--no-site", action="store_true", help="execute the pages and leave the site as it is")
     arguments = parser.parse_args()
-    pages = [
-        name.strip().removesuffix(".ipynb") for name in arguments.pages.split(",") if name.strip()
-    ]
+    pages = [name.strip().removesuffix(".ipynb") for name in arguments.pages.split(",") if name.strip()]
     if pages:
         run(pages, arguments.jobs)
     else:

@@ -50,18 +50,13 @@ def in_words(source):
 
 def question(exercise):
     terms = f"{exercise.points} points, about {exercise.minutes} minutes; page *{teaching.title(exercise.page)}*."
-    return markdown(
-        exercise, "question", f"## {exercise.title}\n\n{terms}\n\n{in_words(words(exercise))}"
-    )
+    return markdown(exercise, "question", f"## {exercise.title}\n\n{terms}\n\n{in_words(words(exercise))}")
 
 
 def source_notebook(names, seed=1):
     """What nbgrader releases and grades: it takes the solutions and the hidden tests out
     between their marks."""
-    cells = [
-        new_markdown_cell(INTRODUCTION, id="introduction", metadata={"tags": ["introduction"]}),
-        imports(),
-    ]
+    cells = [new_markdown_cell(INTRODUCTION, id="introduction", metadata={"tags": ["introduction"]}), imports()]
     for exercise in map(EXERCISES.get, names):
         cells.append(question(exercise))
         cells.append(code(exercise, "answer", exercise.source, solution=True))
@@ -75,10 +70,7 @@ def source_notebook(names, seed=1):
 
 def teacher_notebook(names):
     """The solutions, each with its check and the known mistakes, below a table of points."""
-    cells = [
-        new_markdown_cell(f"{FOR_TEACHERS}\n\n{overview(names)}", id="introduction"),
-        imports(),
-    ]
+    cells = [new_markdown_cell(f"{FOR_TEACHERS}\n\n{overview(names)}", id="introduction"), imports()]
     for exercise in map(EXERCISES.get, names):
         cells.append(question(exercise))
         cells.append(code(exercise, "answer", exercise.solved))
@@ -116,12 +108,8 @@ def overview(names):
     """A table of the exercises with their points, in all at its end."""
     chosen = [EXERCISES[name] for name in names]
     text = row("exercise", "page", "minutes", "points", "to read") + row(*["---"] * 5)
-    text += "".join(
-        row(e.name, e.page, e.minutes, e.points, "a sentence" if e.read else "") for e in chosen
-    )
-    return text + row(
-        "in all", "", *(sum(getattr(e, what) for e in chosen) for what in ("minutes", "points")), ""
-    )
+    text += "".join(row(e.name, e.page, e.minutes, e.points, "a sentence" if e.read else "") for e in chosen)
+    return text + row("in all", "", *(sum(getattr(e, what) for e in chosen) for what in ("minutes", "points")), "")
 
 
 def mistakes(exercise):
@@ -138,16 +126,8 @@ def metadata(exercise, part, nbgrader):
     3)."""
     entries = {"tags": [part], "exercise": exercise.name}
     if nbgrader:
-        usual = {
-            "grade": False,
-            "solution": False,
-            "locked": False,
-            "task": False,
-            "cell_type": "code",
-        }
-        entries["nbgrader"] = (
-            usual | {"schema_version": 3, "grade_id": f"{exercise.name}-{part}"} | nbgrader
-        )
+        usual = {"grade": False, "solution": False, "locked": False, "task": False, "cell_type": "code"}
+        entries["nbgrader"] = usual | {"schema_version": 3, "grade_id": f"{exercise.name}-{part}"} | nbgrader
     return entries
 
 
@@ -168,10 +148,7 @@ def write(names, name, folder=COURSE, seed=1):
     shutil.copy(SETTINGS, folder)
     source = folder / "source" / name / f"{name}.ipynb"
     teacher = folder / "teacher" / f"{name}.ipynb"
-    for path, notebook in (
-        (source, source_notebook(names, seed)),
-        (teacher, teacher_notebook(names)),
-    ):
+    for path, notebook in ((source, source_notebook(names, seed)), (teacher, teacher_notebook(names))):
         nbformat.validate(notebook)
         path.parent.mkdir(parents=True, exist_ok=True)
         nbformat.write(notebook, path)
@@ -186,21 +163,10 @@ def release(name, folder=COURSE):
     SystemExit with nbgrader's reason if it refuses, for instance to change cells that students have
     handed in.
     """
-    command = [
-        sys.executable,
-        "-m",
-        "nbgrader",
-        "generate_assignment",
-        f"--assignment={name}",
-        "--force",
-    ]
+    command = [sys.executable, "-m", "nbgrader", "generate_assignment", f"--assignment={name}", "--force"]
     run = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if run.returncode:
-        reasons = [
-            line.strip()
-            for line in run.stderr.splitlines()
-            if re.match(r" *[\w.]+(Error|Exception): ", line)
-        ]
+        reasons = [line.strip() for line in run.stderr.splitlines() if re.match(r" *[\w.]+(Error|Exception): ", line)]
         reason = (reasons or run.stderr.splitlines() or ["it gave none"])[-1]
         raise SystemExit(f"course: nbgrader makes no release of {name} in {folder}: {reason}")
     return sorted((folder / "release").glob(f"{name}/*.ipynb"))
@@ -208,31 +174,19 @@ def release(name, folder=COURSE):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "exercises", nargs="*", help="names, in order; all, and each week's, where none is given"
-    )
+    parser.add_argument("exercises", nargs="*", help="names, in order; all, and each week's, where none is given")
     parser.add_argument("--name", default="exercises", help="of the assignment")
-    parser.add_argument(
-        "--seed", type=int, default=1, help="draws the inputs of the hidden tests; not 0"
-    )
+    parser.add_argument("--seed", type=int, default=1, help="draws the inputs of the hidden tests; not 0")
     arguments = parser.parse_args()
     if unknown := [name for name in arguments.exercises if name not in EXERCISES]:
-        sys.exit(
-            f"course: no such exercise: {', '.join(unknown)}; there are {', '.join(in_order())}"
-        )
+        sys.exit(f"course: no such exercise: {', '.join(unknown)}; there are {', '.join(in_order())}")
     if not re.fullmatch(r"[\w-]+", arguments.name):
-        sys.exit(
-            f"course: --name {arguments.name}: letters, digits, - and _ alone: it names folders"
-        )
+        sys.exit(f"course: --name {arguments.name}: letters, digits, - and _ alone: it names folders")
     if arguments.seed < 1:
-        sys.exit(
-            f"course: --seed {arguments.seed}: the students' own checks draw by 0; give 1 or more"
-        )
+        sys.exit(f"course: --seed {arguments.seed}: the students' own checks draw by 0; give 1 or more")
     chosen = {arguments.name: arguments.exercises or in_order()}
     if not arguments.exercises:
-        chosen |= {
-            f"week{number}": names for number, (_, _, names) in enumerate(teaching.weeks(), 1)
-        }
+        chosen |= {f"week{number}": names for number, (_, _, names) in enumerate(teaching.weeks(), 1)}
     for name, names in chosen.items():
         write(names, name, seed=arguments.seed)
     for path in release(arguments.name if arguments.exercises else "*"):

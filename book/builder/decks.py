@@ -33,21 +33,11 @@ TAG = re.compile(r"(slide|more)-(\w+)")
 HEADING = re.compile(r"^#+[ \t]+(.+)$", re.MULTILINE)
 LINK = re.compile(r"(?<!!)\[([^\[\]]*)\]\([\w./#-]+\)")
 PROOF = re.compile(r"^Proof\..*?^∎$", re.DOTALL | re.MULTILINE)
-STATEMENT = re.compile(
-    r"\*\*(?!Box|After)[^*]+\*\*( \(.+\))?$"
-)  # the title of a theorem or of an erratum
+STATEMENT = re.compile(r"\*\*(?!Box|After)[^*]+\*\*( \(.+\))?$")  # the title of a theorem or of an erratum
 # How a block begins that is shown whole; of another one the first sentence is.
 WHOLE = re.compile(r"\$\$|\*\*|[-*|] |\d+\. |```")
 SENTENCE = re.compile(r"\$[^$]+\$|`[^`]+`|(?P<end>[.!?])(?=\s|$)")
-ASSETS = (
-    "live",
-    "vendor/mathjax",
-    "vendor/reveal",
-    "vendor/licenses",
-    "decks.js",
-    "decks.css",
-    "favicon.svg",
-)
+ASSETS = ("live", "vendor/mathjax", "vendor/reveal", "vendor/licenses", "decks.js", "decks.css", "favicon.svg")
 TEMPLATE = """{% extends 'reveal/index.html.j2' %}
 {% block header %}<!DOCTYPE html>
 <html lang="en">
@@ -116,9 +106,7 @@ def with_outputs(cell):
 
 def tagged(cell):
     """(kind, deck) of a cell's tags; `more` comes first, for it stands above the heading."""
-    return sorted(
-        match.groups() for match in map(TAG.fullmatch, cell.metadata.get("tags", [])) if match
-    )
+    return sorted(match.groups() for match in map(TAG.fullmatch, cell.metadata.get("tags", [])) if match)
 
 
 def deck(name, pages):
@@ -128,18 +116,14 @@ def deck(name, pages):
         prose = cell.cell_type == "markdown"
         for kind, own in tagged(cell):
             if own not in TITLES:
-                raise SystemExit(
-                    f"decks: {page}: a cell is tagged {kind}-{own}; decks are {', '.join(TITLES)}"
-                )
+                raise SystemExit(f"decks: {page}: a cell is tagged {kind}-{own}; decks are {', '.join(TITLES)}")
             if own != name:
                 continue
             title, text = part(cell.source, kind) if prose else ("", "")
             if kind == "slide":
                 cells.append(markdown(f"## {title or heading}", "slide"))
             if not cells:
-                raise SystemExit(
-                    f"decks: {page}: a cell is tagged more-{name} before any is tagged slide-{name}"
-                )
+                raise SystemExit(f"decks: {page}: a cell is tagged more-{name} before any is tagged slide-{name}")
             if prose and text.strip():
                 cells += [markdown(shortened(text)), markdown(text, "notes")]
             elif not prose:
@@ -155,10 +139,7 @@ def write(pages, folder, static):
     tex = {"inlineMath": [["$", "$"]], "displayMath": [["$$", "$$"]], "tags": "none"}
     mathjax = json.dumps(settings["sphinx"]["config"]["mathjax3_config"] | {"tex": tex})
     exporter = SlidesExporter(
-        raw_template=TEMPLATE,
-        exclude_input=True,
-        exclude_output_prompt=True,
-        exclude_anchor_links=True,
+        raw_template=TEMPLATE, exclude_input=True, exclude_output_prompt=True, exclude_anchor_links=True
     )
     folder.mkdir(parents=True, exist_ok=True)
     for name, title in TITLES.items():
@@ -166,9 +147,7 @@ def write(pages, folder, static):
         live = " ".join(EXPLORABLE.findall(json.dumps(notebook).replace('\\"', '"')))
         notebook.cells.insert(0, markdown(f"# {title}\n\n{settings['title']}", "slide"))
         shown = {"title": title, "static": static, "mathjax": mathjax, "live": live}
-        (folder / f"{name}.html").write_text(
-            exporter.from_notebook_node(notebook, shown)[0], encoding="utf-8"
-        )
+        (folder / f"{name}.html").write_text(exporter.from_notebook_node(notebook, shown)[0], encoding="utf-8")
 
 
 def main():
@@ -179,9 +158,7 @@ def main():
     write(build_book.build_notebooks(), DECKS, "_static")
     for name in ASSETS:
         source, place = SOURCE / "_assets" / name, DECKS / "_static" / name
-        shutil.copytree(source, place, dirs_exist_ok=True) if source.is_dir() else shutil.copy(
-            source, place
-        )
+        shutil.copytree(source, place, dirs_exist_ok=True) if source.is_dir() else shutil.copy(source, place)
 
 
 if __name__ == "__main__":

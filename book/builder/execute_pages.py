@@ -44,9 +44,7 @@ def copy_book():
             shutil.rmtree(path)
         elif path.name not in names:
             path.unlink()
-    passed_over = shutil.ignore_patterns(
-        ".ipynb_checkpoints", "_build", "__pycache__", *PROGRAMS, "*.ipynb"
-    )
+    passed_over = shutil.ignore_patterns(".ipynb_checkpoints", "_build", "__pycache__", *PROGRAMS, "*.ipynb")
     shutil.copytree(ROOT / "book", SOURCE, ignore=passed_over, dirs_exist_ok=True)
     for path in SOURCE.glob("*.md"):
         path.write_text(teaching.put(path.read_text(encoding="utf-8")), encoding="utf-8")
@@ -113,9 +111,7 @@ def execute(paths, jobs):
         "PYVISTA_OFF_SCREEN": "true",
         "JUPYTER_PREFER_ENV_PATH": "1",
         "PYTHONPATH": str(installed),
-        "NUMBA_CACHE_DIR": str(
-            BUILD / "numba"
-        ),  # not beside the code, which each build unpacks anew
+        "NUMBA_CACHE_DIR": str(BUILD / "numba"),  # not beside the code, which each build unpacks anew
         "QCLEARN_PAGES": "static",  # explorables as elements for the site's script, not as widgets
     }
     found = subprocess.run(
@@ -161,11 +157,7 @@ def library_digest():
         Path(__file__),
     ]
     for package in PACKAGES:
-        files += [
-            file
-            for file in (ROOT / package).rglob("*")
-            if file.is_file() and not PASSED_OVER & {*file.parts}
-        ]
+        files += [file for file in (ROOT / package).rglob("*") if file.is_file() and not PASSED_OVER & {*file.parts}]
     found = hashlib.sha256(str(solutions.SHOWN).encode())
     for file in sorted(files):
         found.update(file.read_bytes())
@@ -174,11 +166,7 @@ def library_digest():
 
 def stamp(page):
     """Changes when a run of the page is out of date: the page or the library changed."""
-    source = next(
-        file
-        for file in (ROOT / "book" / f"{page}{kind}" for kind in (".ipynb", ".md"))
-        if file.exists()
-    )
+    source = next(file for file in (ROOT / "book" / f"{page}{kind}" for kind in (".ipynb", ".md")) if file.exists())
     return hashlib.sha256(source.read_bytes()).hexdigest() + library_digest()
 
 
@@ -190,9 +178,7 @@ def run(pages, jobs):
     paths = copy_pages(pages)
     new = {page: stamp(page) for page in pages}  # a change during the run makes it out of date
     # The copies have no outputs yet: were this run stopped, no stamp may say that they have.
-    STAMPS.write_text(
-        json.dumps({page: value for page, value in stamps.items() if page not in pages}, indent=1)
-    )
+    STAMPS.write_text(json.dumps({page: value for page, value in stamps.items() if page not in pages}, indent=1))
     stop_at(each_page(paths, prepare))
     execute(paths, jobs)
     stop_at(each_page(paths, finish))
@@ -216,13 +202,5 @@ def errors_in(notebook):
     """Error outputs of a notebook, also those that a widget callback wrote into an Output widget."""
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
     for state in notebook.metadata.get("widgets", {}).values():
-        outputs += [
-            output
-            for model in state.get("state", {}).values()
-            for output in model["state"].get("outputs", [])
-        ]
-    return [
-        f"{output['ename']}: {output['evalue']}"
-        for output in outputs
-        if output["output_type"] == "error"
-    ]
+        outputs += [output for model in state.get("state", {}).values() for output in model["state"].get("outputs", [])]
+    return [f"{output['ename']}: {output['evalue']}" for output in outputs if output["output_type"] == "error"]

@@ -49,11 +49,7 @@ def ask(notebook):
 
 def answers(cell):
     """Results in the order asked, and the record of keep()."""
-    data = next(
-        o["data"]["application/json"]
-        for o in cell.outputs
-        if "application/json" in o.get("data", {})
-    )
+    data = next(o["data"]["application/json"] for o in cell.outputs if "application/json" in o.get("data", {}))
     asked = data["asked"]  # nbformat sorts keys as text (0, 1, 10, 2): read them by index
     return [asked[str(i)] for i in range(len(asked))], data["kept"]
 

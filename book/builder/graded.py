@@ -10,9 +10,7 @@ from qcbook.exercises import EXERCISES
 def places(head):
     """The pattern of what stands in a page's source where the build puts something by name: its
     head, and a line."""
-    return re.compile(
-        rf"^:::\{{admonition\}} {head} ([\w-]+)[ \t]*\n[^\n]*\n:::[ \t]*$", re.MULTILINE
-    )
+    return re.compile(rf"^:::\{{admonition\}} {head} ([\w-]+)[ \t]*\n[^\n]*\n:::[ \t]*$", re.MULTILINE)
 
 
 PLACE = places("Graded exercise")
@@ -34,9 +32,7 @@ def call(exercise):
 
 def words(exercise):
     """What is asked, MyST text without the blank."""
-    return exercise.words + (
-        f"\n\nIn words, for your teacher: {exercise.read}" if exercise.read else ""
-    )
+    return exercise.words + (f"\n\nIn words, for your teacher: {exercise.read}" if exercise.read else "")
 
 
 def question(exercise):
@@ -84,8 +80,7 @@ def put(text, with_solutions=False):
     def text_of(match):
         if match[1] not in EXERCISES:
             raise KeyError(
-                f"there is no graded exercise {match[1]!r}; book/qcbook/exercises/tasks has "
-                f"{', '.join(EXERCISES)}"
+                f"there is no graded exercise {match[1]!r}; book/qcbook/exercises/tasks has {', '.join(EXERCISES)}"
             )
         exercise = EXERCISES[match[1]]
         return question(exercise) + (f"\n\n{solution(exercise)}" if with_solutions else "")

@@ -21,9 +21,7 @@ def calls_of(tree, function):
     return [
         node
         for node in ast.walk(tree)
-        if isinstance(node, ast.Call)
-        and isinstance(node.func, ast.Name)
-        and node.func.id == function
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == function
     ]
 
 
@@ -39,11 +37,7 @@ def shown_in(cell):
     calls = calls_of(tree, "show_figure")
     if not calls:
         return [], None
-    names = [
-        call.args[1].value
-        for call in calls
-        if len(call.args) > 1 and isinstance(call.args[1], ast.Constant)
-    ]
+    names = [call.args[1].value for call in calls if len(call.args) > 1 and isinstance(call.args[1], ast.Constant)]
     last = tree.body[-1]
     if len(calls) > 1:
         return names, "it shows two figures; one cell, one figure, then its caption"
@@ -53,11 +47,7 @@ def shown_in(cell):
             'the name of a figure has to stand there in quotes: show_figure(picture, "fig-...", "description")',
         )
     if not (isinstance(last, ast.Expr) and last.value is calls[0]):
-        return (
-            names,
-            "show_figure(...) has to be its last statement, so that figure and caption stand "
-            "together",
-        )
+        return (names, "show_figure(...) has to be its last statement, so that figure and caption stand together")
     return names, None
 
 
@@ -92,12 +82,7 @@ def keys(notebook):
         if cell.cell_type != "code":
             continue
         here = place(number, cell)
-        names = {
-            keyword.arg
-            for call in calls_of(syntax(cell), "keep")
-            for keyword in call.keywords
-            if keyword.arg
-        }
+        names = {keyword.arg for call in calls_of(syntax(cell), "keep") for keyword in call.keywords if keyword.arg}
         for name in sorted(names):
             if first.setdefault(name, here) != here:
                 yield f"{here}: the key {name!r} is kept already by {first[name]}; give it a name of its own"

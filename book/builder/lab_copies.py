@@ -22,9 +22,7 @@ from .references import BOOK
 
 LAB, PLAIN = BUILD / "lab", BUILD / "notebooks"
 RECORD = ".copies.json"  # page -> digest of its cells as written
-NUMBERED = (
-    "---\nnumbering:\n  equation: false\n---\n\n"  # else JupyterLab numbers the equations once more
-)
+NUMBERED = "---\nnumbering:\n  equation: false\n---\n\n"  # else JupyterLab numbers the equations once more
 
 
 def digest(notebook):
@@ -48,10 +46,7 @@ def put_aside(path):
         number += 1
         aside = path.with_stem(f"{path.stem}-mine-{number}")
     path.rename(aside)
-    print(
-        f"lab_copies: you changed {path.name}; it is {aside} now, and {path.name} is new",
-        file=sys.stderr,
-    )
+    print(f"lab_copies: you changed {path.name}; it is {aside} now, and {path.name} is new", file=sys.stderr)
 
 
 def write_copies(folder, pages):
@@ -75,9 +70,7 @@ def write_copies(folder, pages):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "--plain", action="store_true", help="build/notebooks, what the site offers for download"
-    )
+    parser.add_argument("--plain", action="store_true", help="build/notebooks, what the site offers for download")
     parser.add_argument("--jobs", type=int, default=2, help="notebooks executed side by side")
     arguments = parser.parse_args()
     execute_outdated(notebooks(), arguments.jobs)
@@ -89,9 +82,7 @@ def main():
             notebook.cells[0].source = NUMBERED + notebook.cells[0].source
     write_copies(folder, pages)
     for notebook in pages.values():
-        NotebookNotary().sign(
-            notebook
-        )  # the reader's own machine made it: JupyterLab may show its 3-D scenes
+        NotebookNotary().sign(notebook)  # the reader's own machine made it: JupyterLab may show its 3-D scenes
     print(f"lab_copies: {len(pages)} pages are in {folder.relative_to(ROOT)}")
 
 

@@ -14,12 +14,8 @@ from nbgrader.plugins import FileNameCollectorPlugin
 
 SECONDS = 30  # per cell: an endless loop ends there, and its test counts as failed
 GB = 4  # memory of a hand-in, where the system limits it: on Linux
-STUDENT = re.compile(
-    r"\w[\w.@' -]*"
-)  # nbgrader's csv takes no comma in a name, its search no bracket
-TOO_SLOW = (
-    f"This cell takes longer than {SECONDS} s: does a loop in it, or in what it calls, never end?"
-)
+STUDENT = re.compile(r"\w[\w.@' -]*")  # nbgrader's csv takes no comma in a name, its search no bracket
+TOO_SLOW = f"This cell takes longer than {SECONDS} s: does a loop in it, or in what it calls, never end?"
 # Runs in each hand-in's kernel before its cells. nbgrader gives no points where a test prints a
 # warning.
 BEFORE = f"""
@@ -46,9 +42,7 @@ class HandIns(FileNameCollectorPlugin):
             self.log.error("%s: not collected: %s", path.name, reason or type(error).__name__)
             return None
         if missing:
-            self.log.error(
-                "%s: 0 points where cells are missing: %s", path.name, ", ".join(missing)
-            )
+            self.log.error("%s: 0 points where cells are missing: %s", path.name, ", ".join(missing))
         return {"student_id": path.stem, "file_id": assignment}
 
     def missing_cells(self, path, assignment):
@@ -57,18 +51,12 @@ class HandIns(FileNameCollectorPlugin):
         if path.suffix != ".ipynb":
             raise ValueError("the name has to end in .ipynb: rename the file if it is a notebook")
         if not STUDENT.fullmatch(path.stem):
-            raise ValueError(
-                "rename the file: letters, digits, and . @ ' - _ or spaces between them"
-            )
-        released = Path(
-            self.parent.coursedir.format_path("release", ".", assignment), f"{assignment}.ipynb"
-        )
+            raise ValueError("rename the file: letters, digits, and . @ ' - _ or spaces between them")
+        released = Path(self.parent.coursedir.format_path("release", ".", assignment), f"{assignment}.ipynb")
         cells = graded_cells(released)
         missing = [cell for cell in cells if cell not in graded_cells(path)]
         if missing == cells:
-            raise ValueError(
-                f"no cell of {released.name} is in it: copy the answers into that notebook"
-            )
+            raise ValueError(f"no cell of {released.name} is in it: copy the answers into that notebook")
         return missing
 
 
@@ -80,19 +68,13 @@ def graded_cells(path):
         MetadataValidator().validate_nb(notebook)
     except Exception as error:
         reason = f"{error}".partition("\n")[0][:120]
-        raise ValueError(
-            f"this is not a notebook that nbgrader reads ({reason or type(error).__name__})"
-        ) from None
-    return [
-        cell.metadata.nbgrader.grade_id for cell in notebook.cells if "nbgrader" in cell.metadata
-    ]
+        raise ValueError(f"this is not a notebook that nbgrader reads ({reason or type(error).__name__})") from None
+    return [cell.metadata.nbgrader.grade_id for cell in notebook.cells if "nbgrader" in cell.metadata]
 
 
 # nbgrader makes its gradebook with the program alembic, beside Python. If PATH lacks it, the first
 # command fails and leaves a gradebook without its version, which later commands take.
-os.environ["PATH"] = os.pathsep.join(
-    [str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)]
-)
+os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])
 
 c = get_config()  # noqa: F821
 c.CourseDirectory.root = str(Path(__file__).resolve().parent)
@@ -107,11 +89,6 @@ c.ZipCollectApp.collector_plugin = HandIns
 
 c.Execute.timeout = SECONDS
 c.Execute.iopub_timeout = SECONDS  # a busy machine prints late,
-c.Execute.raise_on_iopub_timeout = (
-    False  # and a loop that takes no interrupt never ends: its tests fail, too
-)
+c.Execute.raise_on_iopub_timeout = False  # and a loop that takes no interrupt never ends: its tests fail, too
 c.Execute.error_on_timeout = {"ename": "Timeout", "evalue": TOO_SLOW, "traceback": [TOO_SLOW]}
-c.Execute.extra_arguments = [
-    f"--InteractiveShellApp.exec_lines=exec({BEFORE!r}, {{}})",
-    "--log-level=40",
-]
+c.Execute.extra_arguments = [f"--InteractiveShellApp.exec_lines=exec({BEFORE!r}, {{}})", "--log-level=40"]

@@ -20,9 +20,7 @@ from . import solutions
 CELL = re.compile(r"\s*<<cell (\d+)>>\s*")
 LINES = 10_000  # MyST-NB numbers line n of cell k, the first one 0, as LINES * (k + 1) + n
 # The form of an output that Sphinx reads: tables may refer to other pages.
-FORMS = [
-    ("notebook", form, priority) for priority, form in enumerate(["text/markdown", "text/plain"])
-]
+FORMS = [("notebook", form, priority) for priority, form in enumerate(["text/markdown", "text/plain"])]
 KERNEL = {"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}}
 
 
@@ -32,9 +30,7 @@ class NotebookTranslator(MarkdownTranslator):
     cell = -1
 
     def dispatch_visit(self, node):
-        in_section = isinstance(node.parent, (nodes.document, nodes.section)) and not isinstance(
-            node, nodes.section
-        )
+        in_section = isinstance(node.parent, (nodes.document, nodes.section)) and not isinstance(node, nodes.section)
         if in_section and (node.line or 0) // LINES - 1 > self.cell:
             self.cell = node.line // LINES - 1
             self.add(f"<<cell {self.cell}>>", prefix_eol=2, suffix_eol=2)
@@ -45,21 +41,14 @@ class NotebookTranslator(MarkdownTranslator):
             raise nodes.SkipNode
 
     def visit_literal_block(self, node):
-        if (
-            isinstance(node.parent, nodes.figure)
-            or node.parent.get("nb_element") == "cell_code_output"
-        ):
+        if isinstance(node.parent, nodes.figure) or node.parent.get("nb_element") == "cell_code_output":
             raise nodes.SkipNode  # the output itself stays
         super().visit_literal_block(node)
 
     def number(self, kind, node):
         """The number of a theorem, a figure, ... as the site has it, or ""."""
-        numbers = self.builder.env.toc_fignumbers.get(self.builder.current_doc_name, {}).get(
-            kind, {}
-        )
-        return ".".join(
-            map(str, next((numbers[name] for name in node["ids"] if name in numbers), ()))
-        )
+        numbers = self.builder.env.toc_fignumbers.get(self.builder.current_doc_name, {}).get(kind, {})
+        return ".".join(map(str, next((numbers[name] for name in node["ids"] if name in numbers), ())))
 
     def visit_Admonition(self, node):
         """Theorems, exercises, solutions and boxes: a bold title, and what they hold."""
@@ -105,11 +94,7 @@ class NotebookTranslator(MarkdownTranslator):
     @pushing_context
     def visit_reference(self, node):
         """A link to another notebook or to the outside; within the page the words alone."""
-        page = (
-            node.get("refuri", "").partition("#")[0]
-            if node.get("internal")
-            else node.get("refuri", "")
-        )
+        page = node.get("refuri", "").partition("#")[0] if node.get("internal") else node.get("refuri", "")
         here = page in ("", self.builder.get_target_uri(self.builder.current_doc_name))
         self._push_context(SubContext() if here else WrappedContext("[", f"]({page})"))
 
@@ -131,9 +116,7 @@ def notebook_of(page, text):
     before, *parts = CELL.split(text)
     cells = [page.cells[int(cell)] for cell in parts[::2]]
     code = [cell for cell in page.cells if cell.cell_type == "code"]
-    assert not before.strip() and [cell for cell in cells if cell.cell_type == "code"] == code, (
-        "cells are lost"
-    )
+    assert not before.strip() and [cell for cell in cells if cell.cell_type == "code"] == code, "cells are lost"
     for cell, words in zip(cells, parts[1::2]):
         if cell.cell_type == "markdown":
             cell.source = words

@@ -11,9 +11,7 @@ import zipfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-BUILD = (
-    "import sys; from setuptools.build_meta import build_sdist, build_wheel; build_{}(sys.argv[1])"
-)
+BUILD = "import sys; from setuptools.build_meta import build_sdist, build_wheel; build_{}(sys.argv[1])"
 
 
 def build_packages(out):
@@ -21,22 +19,14 @@ def build_packages(out):
     out = Path(out)
     # A copy: setuptools keeps what it once built in the tree, and would pack files that are no
     # longer there.
-    ignored = shutil.ignore_patterns(
-        ".*", "__pycache__", "*.egg-info", "build", "_build", "book", "dist", "tests"
-    )
+    ignored = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info", "build", "_build", "book", "dist", "tests")
     source = shutil.copytree(ROOT, out / "tree", ignore=ignored)
     shutil.copytree(ROOT / "book" / "qcbook", source / "book" / "qcbook", ignore=ignored)
     run_outside(sys.executable, "-c", BUILD.format("sdist"), out, cwd=source)
     (sdist,) = out.glob("*.tar.gz")
     with tarfile.open(sdist) as archive:
         archive.extractall(out, filter="data")
-    run_outside(
-        sys.executable,
-        "-c",
-        BUILD.format("wheel"),
-        out,
-        cwd=out / sdist.name.removesuffix(".tar.gz"),
-    )
+    run_outside(sys.executable, "-c", BUILD.format("wheel"), out, cwd=out / sdist.name.removesuffix(".tar.gz"))
     (wheel,) = out.glob("*.whl")
     return sdist, wheel
 
@@ -58,12 +48,7 @@ def run_outside(*words, cwd):
     """What a command prints that may not see this checkout."""
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     ran = subprocess.run(
-        [str(word) for word in words],
-        cwd=cwd,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
+        [str(word) for word in words], cwd=cwd, env=environment, capture_output=True, text=True, check=False
     )
     assert ran.returncode == 0, ran.stdout[-1000:] + ran.stderr[-3000:]
     return ran.stdout

@@ -9,18 +9,12 @@ from .references import BOOK, CODE
 from .solutions import SOLUTION
 
 WORDS, EQUATIONS, LINES = 150, 0.67, 5  # a minute
-FOLDED = re.compile(
-    r"^(:{3,}|`{3,})\{\w+\}[^\n]*\n:class:[^\n]*\bdropdown\b.*?^\1[ \t]*$", re.DOTALL | re.MULTILINE
-)
+FOLDED = re.compile(r"^(:{3,}|`{3,})\{\w+\}[^\n]*\n:class:[^\n]*\bdropdown\b.*?^\1[ \t]*$", re.DOTALL | re.MULTILINE)
 EQUATION = re.compile(
-    r"\$\$.*?\$\$(?:[ \t]*\([\w:-]+\))?|^(:{3,}|`{3,})\{math\}.*?^\1[ \t]*$",
-    re.DOTALL | re.MULTILINE,
+    r"\$\$.*?\$\$(?:[ \t]*\([\w:-]+\))?|^(:{3,}|`{3,})\{math\}.*?^\1[ \t]*$", re.DOTALL | re.MULTILINE
 )
 # What no reader reads: fences, options, labels, names of roles, where a link leads.
-MARKS = re.compile(
-    r"^(?::{3,}|`{3,})\S*|^:[\w-]+:.*$|^\([\w:-]+\)=$|\{[\w:]+\}(?=`)|(?<=\])\([^)\s]*\)",
-    re.MULTILINE,
-)
+MARKS = re.compile(r"^(?::{3,}|`{3,})\S*|^:[\w-]+:.*$|^\([\w:-]+\)=$|\{[\w:]+\}(?=`)|(?<=\])\([^)\s]*\)", re.MULTILINE)
 WORD = re.compile(r"[^\W_]+(?:['’.-]\w+)*")
 
 
@@ -30,9 +24,7 @@ def minutes_of_text(text):
     lines = sum(max(len(match[0].splitlines()) - 2, 0) for match in CODE.finditer(text))
     text = CODE.sub("", text)
     equations = len(EQUATION.findall(text))
-    words = len(
-        WORD.findall(MARKS.sub("", re.sub(r"`+[^`]*`+|\$[^$]+\$", " x ", EQUATION.sub("", text))))
-    )
+    words = len(WORD.findall(MARKS.sub("", re.sub(r"`+[^`]*`+|\$[^$]+\$", " x ", EQUATION.sub("", text)))))
     return words / WORDS + equations / EQUATIONS + lines / LINES
 
 
@@ -45,10 +37,6 @@ def minutes(page, book=BOOK):
 
 def minutes_of_cells(cells):
     """Minutes of a notebook's cells."""
-    shown = [
-        c for c in cells if c.cell_type == "code" and "hide-input" not in c.metadata.get("tags", [])
-    ]
+    shown = [c for c in cells if c.cell_type == "code" and "hide-input" not in c.metadata.get("tags", [])]
     lines = sum(len(cell.source.splitlines()) for cell in shown)
-    return lines / LINES + sum(
-        minutes_of_text(c.source) for c in cells if c.cell_type == "markdown"
-    )
+    return lines / LINES + sum(minutes_of_text(c.source) for c in cells if c.cell_type == "markdown")

@@ -12,9 +12,7 @@ BOOK = Path(__file__).resolve().parents[2] / "book"
 CODE = re.compile(r"^(?P<fence>`{3,})\w*[ \t]*\n.*?^(?P=fence)[ \t]*$", re.DOTALL | re.MULTILINE)
 # What gives a place its label: an equation, a directive, or the line above a heading or a
 # paragraph.
-LABEL = re.compile(
-    r"\$\$[ \t]*\(([\w:-]+)\)|^:(?:label|name):[ \t]*(\S+)|^\(([\w:-]+)\)=", re.MULTILINE
-)
+LABEL = re.compile(r"\$\$[ \t]*\(([\w:-]+)\)|^:(?:label|name):[ \t]*(\S+)|^\(([\w:-]+)\)=", re.MULTILINE)
 
 
 def pages_of(contents):

@@ -17,9 +17,7 @@ from itertools import pairwise
 from nbformat.v4 import new_code_cell
 
 TAG = "solution-of-an-exercise"
-SOLUTION = re.compile(
-    r"^(:{3,}|`{3,})\{solution\}[ \t]+(\S+)[ \t]*\n(.*?)^\1[ \t]*$", re.DOTALL | re.MULTILINE
-)
+SOLUTION = re.compile(r"^(:{3,}|`{3,})\{solution\}[ \t]+(\S+)[ \t]*\n(.*?)^\1[ \t]*$", re.DOTALL | re.MULTILINE)
 FENCE = re.compile(r"^(`{3,})(\w+)[ \t]*\n(.*?)^\1[ \t]*$", re.DOTALL | re.MULTILINE)
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 TOLERANCE = 0.02  # relative
@@ -50,10 +48,7 @@ def without(text, labels=None):
 def append(notebook):
     """Before execution, behind everything else: one cell for each python fence."""
     found = [
-        solution
-        for cell in notebook.cells
-        if cell.cell_type == "markdown"
-        for solution in solutions_in(cell.source)
+        solution for cell in notebook.cells if cell.cell_type == "markdown" for solution in solutions_in(cell.source)
     ]
     for exercise, code, printed in found:
         # nbmake shows the cell when it fails: its first line says where it comes from.
@@ -71,9 +66,7 @@ def same_text(printed, expected):
         return False
     return all(
         abs(a - b) <= TOLERANCE * max(abs(a), abs(b)) or max(abs(a), abs(b)) < ROUNDING
-        for a, b in zip(
-            map(float, NUMBER.findall(printed)), map(float, NUMBER.findall(expected)), strict=True
-        )
+        for a, b in zip(map(float, NUMBER.findall(printed)), map(float, NUMBER.findall(expected)), strict=True)
     )
 
 

@@ -16,9 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def git(folder, *words, **options):
     """What git says; what it complains of ends the program."""
-    ran = subprocess.run(
-        ["git", *words], cwd=folder, capture_output=True, text=True, check=False, **options
-    )
+    ran = subprocess.run(["git", *words], cwd=folder, capture_output=True, text=True, check=False, **options)
     if ran.returncode:
         sys.exit(f"tag: git {words[0]}: {ran.stderr.strip()}")
     return ran.stdout.strip()
@@ -26,29 +24,16 @@ def git(folder, *words, **options):
 
 def tag(folder=ROOT):
     """Tag the last commit of a folder's repository: the tag's name."""
-    version = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"][
-        "version"
-    ]
+    version = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
     name = f"v{version}"
-    _, *parts = re.split(
-        r"^## ", (folder / "CHANGELOG.md").read_text(encoding="utf-8"), flags=re.MULTILINE
-    )
+    _, *parts = re.split(r"^## ", (folder / "CHANGELOG.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
     heading, _, changes = parts[0].partition("\n")
     if heading.split()[0] != version:
-        sys.exit(
-            f"tag: CHANGELOG.md begins with {heading!r}, pyproject.toml has {version}: give both "
-            "the new version"
-        )
+        sys.exit(f"tag: CHANGELOG.md begins with {heading!r}, pyproject.toml has {version}: give both the new version")
     if changed := git(folder, "status", "--porcelain"):
-        sys.exit(
-            "tag: not committed: "
-            f"{', '.join(line.split(maxsplit=1)[1] for line in changed.splitlines())}"
-        )
+        sys.exit(f"tag: not committed: {', '.join(line.split(maxsplit=1)[1] for line in changed.splitlines())}")
     if git(folder, "tag", "--list", name):
-        sys.exit(
-            f"tag: {name} is there already, at {git(folder, 'rev-list', '-1', name)[:9]}: raise "
-            "the version"
-        )
+        sys.exit(f"tag: {name} is there already, at {git(folder, 'rev-list', '-1', name)[:9]}: raise the version")
     git(
         folder,
         "tag",
@@ -63,7 +48,4 @@ def tag(folder=ROOT):
 
 if __name__ == "__main__":
     made = tag()
-    print(
-        f"{made} is at {git(ROOT, 'rev-parse', '--short', 'HEAD')}; to publish it: git push "
-        f"origin {made}"
-    )
+    print(f"{made} is at {git(ROOT, 'rev-parse', '--short', 'HEAD')}; to publish it: git push origin {made}")

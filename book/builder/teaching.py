@@ -41,20 +41,12 @@ def first_page(name):
 def weeks():
     """(week, its pages, its exercises) of the plan, by the contents."""
     listed, plans = list(chapters()), plan()["week"]
-    starts = [
-        listed.index(first_page(each))
-        for each in (*(week["from"] for week in plans), plan()["end"])
-    ]
+    starts = [listed.index(first_page(each)) for each in (*(week["from"] for week in plans), plan()["end"])]
     for week, start, end in zip(plans, starts, starts[1:]):
         pages = listed[start:end]
-        own = [
-            name for page in pages for name, exercise in EXERCISES.items() if exercise.page == page
-        ]
+        own = [name for page in pages for name, exercise in EXERCISES.items() if exercise.page == page]
         if unknown := set(week["leave"]) - {*pages, *own}:
-            raise SystemExit(
-                f"teaching.toml, {week['title']!r}: nothing to leave out: "
-                f"{', '.join(sorted(unknown))}"
-            )
+            raise SystemExit(f"teaching.toml, {week['title']!r}: nothing to leave out: {', '.join(sorted(unknown))}")
         kept = [page for page in pages if page not in week["leave"]]
         yield week, kept, [n for n in own if n not in week["leave"] and EXERCISES[n].page in kept]
 
@@ -90,31 +82,16 @@ def spent(pages, exercises, together):
 def parameterize(pages, exercises, together):
     """A table of pages and exercises, the sum below it, and what is done in class."""
     rows = [
-        [
-            link(page),
-            round(minutes(page)),
-            ", ".join(told(name) for name in exercises if EXERCISES[name].page == page),
-        ]
+        [link(page), round(minutes(page)), ", ".join(told(name) for name in exercises if EXERCISES[name].page == page)]
         for page in pages
     ]
     reading, solving, meeting = spent(pages, exercises, together)
-    rows.append(
-        [
-            "in all",
-            reading,
-            f"{solving} minutes, {sum(EXERCISES[name].points for name in exercises)} points",
-        ]
-    )
+    rows.append(["in all", reading, f"{solving} minutes, {sum(EXERCISES[name].points for name in exercises)} points"])
     done = [f"- {number} minutes. {linked(text)}" for number, text in together]
     head = ["page", "minutes to read", "graded exercises (minutes)"]
     whole = divmod(reading + solving + meeting, 60)
     return "\n\n".join(
-        [
-            table(head, rows),
-            "In class:",
-            "\n".join(done),
-            f"With the class {whole[0]} h {whole[1]:02d} min.",
-        ]
+        [table(head, rows), "In class:", "\n".join(done), f"With the class {whole[0]} h {whole[1]:02d} min."]
     )
 
 
@@ -130,10 +107,7 @@ def told(name):
 def of_weeks():
     found = []
     for number, (week, pages, exercises) in enumerate(weeks(), 1):
-        found += [
-            f"### Week {number}: {week['title']}",
-            parameterize(pages, exercises, week["class"]),
-        ]
+        found += [f"### Week {number}: {week['title']}", parameterize(pages, exercises, week["class"])]
         if week["leave"]:
             found.append(f"For those who want more: {', '.join(map(left, week['leave']))}.")
     return "\n\n".join(found)
@@ -163,18 +137,11 @@ def of_costs():
         for page in chapters()
         if page in found
     ]
-    head = [
-        "page",
-        "seconds",
-        "GB",
-        f"GB, {STUDENTS} students",
-        f"minutes, {STUDENTS} students on {CORES} cores",
-    ]
+    head = ["page", "seconds", "GB", f"GB, {STUDENTS} students", f"minutes, {STUDENTS} students on {CORES} cores"]
     if not rows:
         return "(No page has been executed here yet: `make book` measures them.)"
     most = [
-        f"{max(figures[key] for figures in found.values()):.{digits}f}"
-        for key, digits in (("seconds", 0), ("gb", 1))
+        f"{max(figures[key] for figures in found.values()):.{digits}f}" for key, digits in (("seconds", 0), ("gb", 1))
     ]
     return table(head, [*rows, ["most", *most, "", ""]])
 

@@ -3,17 +3,7 @@ graded exercises."""
 
 import lazy_loader as lazy
 
-EXPLORABLES = (
-    "Mobius",
-    "Mu",
-    "Tuner",
-    "Sulci",
-    "Landmarks",
-    "LBS",
-    "Boundary",
-    "Growth",
-    "HowSure",
-)
+EXPLORABLES = ("Mobius", "Mu", "Tuner", "Sulci", "Landmarks", "LBS", "Boundary", "Growth", "HowSure")
 TABLE = {
     "cells": ["keep", "num", "show_figure", "table"],
     "diagrams": ["block_diagram"],

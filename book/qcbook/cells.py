@@ -44,17 +44,9 @@ def show_figure(picture, name, alt):
     # The HTML is for notebooks: JupyterLab 4.6 takes no alternative text from an image's metadata.
     image = picture_html(png, alt, f' class="page-figure" width="{width}"')
     display(
-        {
-            "text/html": image,
-            "image/png": base64.b64encode(png).decode(),
-            "text/plain": f"[{name}] {alt}",
-        },
+        {"text/html": image, "image/png": base64.b64encode(png).decode(), "text/plain": f"[{name}] {alt}"},
         raw=True,
-        metadata={
-            "scrapbook": {"name": name, "mime_prefix": ""},
-            "alt": alt,
-            "image/png": {"width": width},
-        },
+        metadata={"scrapbook": {"name": name, "mime_prefix": ""}, "alt": alt, "image/png": {"width": width}},
     )
 
 
@@ -67,9 +59,7 @@ def drawn(picture, sharpness=2):
 
     picture.patch.set_alpha(1)  # white also on a dark page
     buffer = io.BytesIO()
-    picture.savefig(
-        buffer, format="png", dpi=sharpness * picture.dpi, bbox_inches="tight", facecolor="white"
-    )
+    picture.savefig(buffer, format="png", dpi=sharpness * picture.dpi, bbox_inches="tight", facecolor="white")
     plt.close(picture)
     return buffer.getvalue(), round(png_width(buffer.getvalue()) / sharpness)
 

@@ -8,13 +8,7 @@ import numpy as np
 
 from qclearn.io.fsaverage import demo_landmarks, fsaverage5
 from qclearn.plane.grids import FINE, joined, polar
-from qclearn.registration.curves import (
-    check_curves,
-    curves_of_both,
-    fundus_metric,
-    fundus_path,
-    sample_curve,
-)
+from qclearn.registration.curves import check_curves, curves_of_both, fundus_metric, fundus_path, sample_curve
 from qclearn.registration.features import FOLDS, Feature, Features, check_features, featured
 from qclearn.registration.pair import align
 from qclearn.registration.problem import Problem
@@ -51,24 +45,15 @@ def example_problems():
     close = [0.08j + 0.4 * t, -0.08j + 0.4 * t]
     shift = 0.35 * (1 - t**2) * 0.55
     return [
-        _example(
-            "a smooth twist", MESH, three, [p * np.exp(0.9j * (1 - abs(p) ** 2)) for p in three]
-        ),
-        _example(
-            "points spaced anew along two curves", MESH, two, [two[0] + shift, two[1] - shift]
-        ),
+        _example("a smooth twist", MESH, three, [p * np.exp(0.9j * (1 - abs(p) ** 2)) for p in three]),
+        _example("points spaced anew along two curves", MESH, two, [two[0] + shift, two[1] - shift]),
         _example("two neighbours pulled apart", MESH, close, [close[0] + 0.25, close[1] - 0.25]),
     ]
 
 
 def _example(name, mesh, moving, target, radius=None, features=None):
     labels = np.repeat(np.arange(len(moving)), [len(curve) for curve in moving])
-    return Example(
-        name,
-        Problem(mesh, np.concatenate(moving), np.concatenate(target), labels),
-        radius,
-        features,
-    )
+    return Example(name, Problem(mesh, np.concatenate(moving), np.concatenate(target), labels), radius, features)
 
 
 @dataclass(frozen=True)
@@ -100,9 +85,7 @@ def courses(name, moving, control, curves):
         metric = fundus_metric(surface)
         paths.append(
             [
-                fundus_path(surface, *curve.path(side), metric)
-                if curve.detect[side]
-                else curve.path(side)
+                fundus_path(surface, *curve.path(side), metric) if curve.detect[side] else curve.path(side)
                 for curve in checked
             ]
         )
@@ -125,19 +108,11 @@ def courses_problem(pair, vertices=None, points=5):
     """`cortex_problem` of `Courses`."""
     surface, z = pair.moving.surface, pair.moving.disk.z
     mesh = MESH if vertices is None else joined(z[spread_vertices(surface, vertices)])
-    return _example(
-        pair.name,
-        mesh,
-        *pair.sample_landmarks(points),
-        area_radius(surface, z),
-        folds_on(mesh, pair),
-    )
+    return _example(pair.name, mesh, *pair.sample_landmarks(points), area_radius(surface, z), folds_on(mesh, pair))
 
 
 CORTICES = ("cortex", "first", "second")
-SUBJECTS = MappingProxyType(
-    {"first": 1001, "second": 1002}
-)  # seeds; of the cohort, which no network has seen
+SUBJECTS = MappingProxyType({"first": 1001, "second": 1002})  # seeds; of the cohort, which no network has seen
 
 
 @cache
@@ -147,10 +122,7 @@ def cortices(name):
     if name == "cortex":
         sides = mirror(fsaverage5("right")), fsaverage5("left")
         return courses("sulci of fsaverage5", *sides, demo_landmarks())
-    from qclearn.benchmark.pairs import (
-        CONTROL,
-        hemispheres,
-    )  # here: they bring the synthetic surfaces, an extra
+    from qclearn.benchmark.pairs import CONTROL, hemispheres  # here: they bring the synthetic surfaces, an extra
 
     sides = [subject.surface for subject in hemispheres([SUBJECTS[name], CONTROL], progress=False)]
     return courses(f"a synthetic subject, seed {SUBJECTS[name]}", *sides, curves_of_both(*sides))
@@ -160,9 +132,7 @@ def folds_on(mesh, pair):
     """`Features` depth and curvature of `Courses`, the moving ones on a small `Disk` inside theirs."""
     disk, places = pair.moving.disk, pair.moving.disk.locate(mesh.z)
     whole = check_features(FOLDS, pair.moving.surface, pair.control.surface)
-    small = ParameterizedSurface(
-        Surface(disk.interpolate(pair.moving.surface.vertices, places), mesh.faces), mesh
-    )
+    small = ParameterizedSurface(Surface(disk.interpolate(pair.moving.surface.vertices, places), mesh.faces), mesh)
     maps = [Feature(one.name, disk.interpolate(one.moving, places), one.control) for one in whole]
     return featured(small, pair.control, maps)[2]
 
@@ -175,7 +145,5 @@ def spread_vertices(surface, count):
     for place in range(count):
         if place == len(chosen):
             chosen.append(int(distance.argmax()))
-        distance = np.minimum(
-            distance, ((surface.vertices - surface.vertices[chosen[place]]) ** 2).sum(1)
-        )
+        distance = np.minimum(distance, ((surface.vertices - surface.vertices[chosen[place]]) ** 2).sum(1))
     return np.array(chosen)

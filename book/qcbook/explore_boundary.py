@@ -18,12 +18,8 @@ class Boundary(Live):
     boundary."""
 
     page = "boundary"
-    initial = MappingProxyType(
-        {"strength": 0.5, "pole": (0.5, 0.6), "loss": "printed", "step": 0, "centred": False}
-    )
-    mesh = Disk(
-        *polar_disk(24, 73)
-    )  # an odd number of spokes: no boundary point lies opposite to 1
+    initial = MappingProxyType({"strength": 0.5, "pole": (0.5, 0.6), "loss": "printed", "step": 0, "centred": False})
+    mesh = Disk(*polar_disk(24, 73))  # an odd number of spokes: no boundary point lies opposite to 1
     rim = np.arange(1 + 23 * 73, 1 + 24 * 73)
 
     def coefficient(self, state):
@@ -45,18 +41,13 @@ class Boundary(Live):
 
     def answer(self, state):
         """The library's maps: the descent's start, and the right one."""
-        return {
-            name: as_pairs(self.map({**state, "centred": name == "right"}))
-            for name in ("start", "right")
-        }
+        return {name: as_pairs(self.map({**state, "centred": name == "right"})) for name in ("start", "right")}
 
     def picture(self, state):
         """A Matplotlib figure of harmonic measure seen from the pole and of the map at this step,
         and a description."""
         z, f, pole = self.mesh.z, self.map(state), complex(*state["pole"])
-        figure, (seen, image) = two_disks(
-            "harmonic measure seen from the pole", "boundary points of the map"
-        )
+        figure, (seen, image) = two_disks("harmonic measure seen from the pole", "boundary points of the map")
         steps = np.angle(np.roll(f[self.rim], -1) / f[self.rim]) % (2 * np.pi)
         middle = z[self.rim] * np.exp(1j * np.pi / len(steps))
         band = middle * np.maximum(0.02, 1 - 0.2 * steps / steps.mean())
@@ -67,6 +58,5 @@ class Boundary(Live):
         image.plot(f[self.rim].real, f[self.rim].imag, ".", color="#E69F00")
         return (
             figure,
-            "A band along the circle, wide where a red pole is near, and a grid whose boundary "
-            "points crowd.",
+            "A band along the circle, wide where a red pole is near, and a grid whose boundary points crowd.",
         )

@@ -21,24 +21,12 @@ class Growth(Live):
     def __init__(self, positions, faces, factors, crossing):
         """positions (K, V, 3) in mm; factors (K,) by which rest lengths have grown; crossing (K,)
         faces that cross."""
-        self.positions, self.faces, self.factors, self.crossing = (
-            positions,
-            faces,
-            factors,
-            crossing,
-        )
+        self.positions, self.faces, self.factors, self.crossing = (positions, faces, factors, crossing)
 
     def files(self):
         """The frames, in half precision: to a sixteenth of a millimetre."""
-        config = {
-            "factors": self.factors.tolist(),
-            "crossing": [int(count) for count in self.crossing],
-        }
-        return {
-            "growth.bin": packed(
-                config, {"positions": self.positions.astype(np.float16), "faces": self.faces}
-            )
-        }
+        config = {"factors": self.factors.tolist(), "crossing": [int(count) for count in self.crossing]}
+        return {"growth.bin": packed(config, {"positions": self.positions.astype(np.float16), "faces": self.faces})}
 
     def areas(self):
         """Areas (K,) of the frames, as the browser has their positions."""
@@ -57,15 +45,7 @@ class Growth(Live):
         figure = Figure(figsize=(9, 3))
         shown = [0, len(self.positions) // 2, len(self.positions) - 1]
         for ax, frame in zip(figure.subplots(1, 3), shown):
-            ax.imshow(
-                surface_picture(
-                    Surface(self.positions[frame], self.faces), None, (-1, 0, 0), height=170
-                )
-            )
+            ax.imshow(surface_picture(Surface(self.positions[frame], self.faces), None, (-1, 0, 0), height=170))
             ax.set_title(f"frame {frame}", fontsize=10)
             ax.axis("off")
-        return (
-            figure,
-            "A smooth shell, the same shell with furrows, and a hemisphere that is folded all "
-            "over.",
-        )
+        return (figure, "A smooth shell, the same shell with furrows, and a hemisphere that is folded all over.")

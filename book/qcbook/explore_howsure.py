@@ -32,9 +32,7 @@ class HowSure(Live):
             "scale": 0.03,
         }
     )
-    seen = np.concatenate(
-        [[0], *(0.23 * j * np.exp(2j * np.pi * np.arange(6 * j) / (6 * j)) for j in (1, 2, 3, 4))]
-    )
+    seen = np.concatenate([[0], *(0.23 * j * np.exp(2j * np.pi * np.arange(6 * j) / (6 * j)) for j in (1, 2, 3, 4))])
 
     @staticmethod
     def landmarks(state):

@@ -8,13 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from qclearn.plot import curves_plot, disk_plot
-from qclearn.registration.curves import (
-    CURVATURE_WEIGHT,
-    DEPTH_WEIGHT,
-    fundus_cost,
-    fundus_path,
-    weigh_edges,
-)
+from qclearn.registration.curves import CURVATURE_WEIGHT, DEPTH_WEIGHT, fundus_cost, fundus_path, weigh_edges
 from qclearn.surfaces.curvature import area_radius, grey_levels, mean_curvature, sulcal_depth
 
 from .examples import CORTICES, cortices
@@ -37,9 +31,7 @@ def fundus_terms(surface):
     """The terms of `fundus_cost`, limited: curvature (V,) and depth (V,); and the depth's unit in
     mm."""
     curved, deep = mean_curvature(surface), sulcal_depth(surface)
-    curvature, depth = (
-        np.log(fundus_cost(surface, curved, *weights)) for weights in ((1, 0), (0, -1))
-    )
+    curvature, depth = (np.log(fundus_cost(surface, curved, *weights)) for weights in ((1, 0), (0, -1)))
     return curvature, depth, float(np.percentile(deep, 95) or deep.max() or 1.0)
 
 
@@ -69,11 +61,7 @@ class Landmarks(Live):
             curvature, depth, deep = fundus_terms(pair.moving.surface)
             files[file] = hemisphere_file(pair.moving, curvature=curvature, depth=depth, deep=deep)
             order = [pair.names.index(sulcus) for sulcus in SULCI]
-            listed[name] = {
-                "file": file,
-                "order": order,
-                **self.curves(pair, [pair.paths[0][k] for k in order]),
-            }
+            listed[name] = {"file": file, "order": order, **self.curves(pair, [pair.paths[0][k] for k in order])}
         return files | {"landmarks.json": json.dumps(listed).encode()}
 
     @staticmethod
@@ -119,8 +107,4 @@ class Landmarks(Live):
         disk_plot(ax, radius.to_image(z), surface.faces, shades, "gray", -80, 335)
         curves_plot(ax, [radius.to_image(z[path])], "detected")
         name = SULCI[int(state["sulcus"])]
-        return (
-            figure,
-            f"The curvature of {pair.name} on the disk, and the path along the floor of the "
-            f"{name}.",
-        )
+        return (figure, f"The curvature of {pair.name} on the disk, and the path along the floor of the {name}.")

@@ -29,11 +29,7 @@ class LBS(Live):
     def coefficient(self, state):
         """mu (F,) that is asked for, at centroids."""
         c, s = self.mesh.centroids, state["strength"]
-        return (
-            -1j * s * c**2 / (1 - 1j * s * abs(c) ** 2)
-            if state["asked"] == "twist"
-            else s / (2 + s) * c / c.conj()
-        )
+        return -1j * s * c**2 / (1 - 1j * s * abs(c) ** 2) if state["asked"] == "twist" else s / (2 + s) * c / c.conj()
 
     def pins(self, state):
         """(vertices (M,), targets (M,) complex) of the pins."""
@@ -60,10 +56,7 @@ class LBS(Live):
     def picture(self, state):
         """A Matplotlib figure of the grid under the map and of its |mu|, and a description."""
         z, faces, f, (_, targets) = self.mesh.z, self.mesh.faces, self.map(state), self.pins(state)
-        folded, (figure, (image, sizes)) = (
-            self.mesh.at(f).flipped,
-            two_disks("grid, pins and folds", "|μ|"),
-        )
+        folded, (figure, (image, sizes)) = (self.mesh.at(f).flipped, two_disks("grid, pins and folds", "|μ|"))
         grid_plot(image, z, faces, f)
         for triangle in f[faces[folded]]:
             image.fill(triangle.real, triangle.imag, color=FLIPPED_COLOUR, zorder=4)
@@ -71,6 +64,5 @@ class LBS(Live):
         disk_plot(sizes, z, faces, abs(self.mesh.coefficient(f)), cmap="YlGnBu", vmin=0, vmax=1)
         return (
             figure,
-            f"A grid with four pinned points pulled aside, {len(folded)} folded triangles at "
-            "them, and |μ|.",
+            f"A grid with four pinned points pulled aside, {len(folded)} folded triangles at them, and |μ|.",
         )

@@ -20,9 +20,7 @@ class Mobius(Live):
     @staticmethod
     def parameters(state):
         """(a, theta) of the map."""
-        return state["size"] * np.exp(1j * np.radians(state["direction"])), np.radians(
-            state["turn"]
-        )
+        return state["size"] * np.exp(1j * np.radians(state["direction"])), np.radians(state["turn"])
 
     def answer(self, state):
         """Centre and radius of what the red circle becomes, from three of its points."""
@@ -40,8 +38,4 @@ class Mobius(Live):
             lines_plot(ax, [view(line) for line in lines], "#1F4E79")
             ax.plot(view(self.circle).real, view(self.circle).imag, color="#B22222", linewidth=2)
             ax.plot(np.real(pole), np.imag(pole), "o", color="#E69F00")
-        return (
-            figure,
-            "A polar grid of the disk with a red circle, and its image by a Möbius map: circles "
-            "all.",
-        )
+        return (figure, "A polar grid of the disk with a red circle, and its image by a Möbius map: circles all.")

@@ -48,11 +48,7 @@ class Mu(Live):
     def coefficient(self, state):
         """mu (F,) on the faces of the mesh: the preset, and what was painted over it."""
         centres = self.mesh.centroids
-        mu = (
-            state["size"]
-            * np.exp(1j * np.radians(state["direction"]))
-            * self.presets[state["preset"]](centres)
-        )
+        mu = state["size"] * np.exp(1j * np.radians(state["direction"])) * self.presets[state["preset"]](centres)
         for x, y, radius, re, im in state["strokes"]:
             mu[abs(centres - complex(x, y)) <= radius] = complex(re, im)
         return mu
@@ -67,8 +63,4 @@ class Mu(Live):
         figure, (sizes, image) = two_disks("|μ|", "grid under the exact map")
         disk_plot(sizes, z, faces, abs(mu), cmap="YlGnBu", vmin=0, vmax=1)
         grid_plot(image, z, faces, DiskSolver(self.mesh).solve(mu))
-        return (
-            figure,
-            "The size of a coefficient in waves over the disk, and the grid bent by the map that "
-            "has it.",
-        )
+        return (figure, "The size of a coefficient in waves over the disk, and the grid bent by the map that has it.")

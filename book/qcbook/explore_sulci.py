@@ -34,9 +34,7 @@ def unfolded(surface, rounds=UNFOLDING):
     count = len(surface.vertices)
     rim = np.isin(np.arange(count), np.concatenate(surface.boundary_loops))
     ends = np.concatenate([surface.edges, surface.edges[:, ::-1]])
-    ends = ends[
-        ~rim[ends[:, 0]] | rim[ends[:, 1]]
-    ]  # what moves a vertex of the rim lies on the rim
+    ends = ends[~rim[ends[:, 0]] | rim[ends[:, 1]]]  # what moves a vertex of the rim lies on the rim
     weights = 1 / np.bincount(ends[:, 0], minlength=count)[ends[:, 0]]
     means = sparse.csr_array((weights, tuple(ends.T)), shape=(count, count))
     x = surface.vertices
@@ -44,12 +42,7 @@ def unfolded(surface, rounds=UNFOLDING):
         x = (x + means @ x) / 2
     middle = x.mean(0)
     corners = x[surface.faces]
-    area = (
-        np.linalg.norm(
-            np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-        ).sum()
-        / 2
-    )
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
     return middle + (x - middle) * np.sqrt(surface.area / area)
 
 
@@ -65,16 +58,10 @@ def radius_on_control(name):
     """The 90 % radius of `register`'s map by the curves of `cortices(name)` alone, in tenths of mm
     at the control's vertices (V',) int: that of the moving vertices which the map brings there."""
     pair = cortices(name)
-    curves = [
-        {"name": sulcus, "moving": p, "control": q} for sulcus, p, q in zip(pair.names, *pair.paths)
-    ]
-    found = register(
-        pair.moving.surface, pair.control.surface, curves, features=None, uncertainty=True
-    )
+    curves = [{"name": sulcus, "moving": p, "control": q} for sulcus, p, q in zip(pair.names, *pair.paths)]
+    found = register(pair.moving.surface, pair.control.surface, curves, features=None, uncertainty=True)
     there = Disk(found.disk_map, found.faces_moving)
-    return np.round(
-        10 * there.interpolate(found.uncertainty, there.lookup(found.disk_control))
-    ).astype(int)
+    return np.round(10 * there.interpolate(found.uncertainty, there.lookup(found.disk_control))).astype(int)
 
 
 class Sulci(Live):
@@ -82,8 +69,7 @@ class Sulci(Live):
 
     page = "sulci"
     initial = MappingProxyType(
-        START
-        | {"turn": 0.0, "tilt": 10.0, "zoom": 1.0, "unfold": 0.6, "before": False, "sure": False}
+        START | {"turn": 0.0, "tilt": 10.0, "zoom": 1.0, "unfold": 0.6, "before": False, "sure": False}
     )
     mesh = COARSE
 
@@ -92,16 +78,10 @@ class Sulci(Live):
         surfaces."""
         pairs = {name: cortices(name) for name in CORTICES}
         # The synthetic subjects have one control.
-        surfaces = {
-            name: f"control-{'cortex' if name == 'cortex' else 'subject'}.bin" for name in CORTICES
-        }
+        surfaces = {name: f"control-{'cortex' if name == 'cortex' else 'subject'}.bin" for name in CORTICES}
         controls = {file: pairs[name] for name, file in surfaces.items()}
         courses = {
-            name: {
-                "control": surfaces[name],
-                "radius": radius_on_control(name).tolist(),
-                **courses_of(pair),
-            }
+            name: {"control": surfaces[name], "radius": radius_on_control(name).tolist(), **courses_of(pair)}
             for name, pair in pairs.items()
         }
         files = {"problems.json": problems_file(), "sulci.json": json.dumps(courses).encode()}
@@ -119,11 +99,7 @@ class Sulci(Live):
         targets in mm."""
         problem, fit = self.fit(state)
         losses = measured_losses(problem, weights_of(state), fit.mu, problem.samples @ fit.f)
-        return {
-            "map": as_pairs(fit.f),
-            "L_CP": losses["L_CP"],
-            "mm": self.distances(state, problem, fit.f).mean(),
-        }
+        return {"map": as_pairs(fit.f), "L_CP": losses["L_CP"], "mm": self.distances(state, problem, fit.f).mean()}
 
     @staticmethod
     def distances(state, problem, f):
@@ -140,13 +116,9 @@ class Sulci(Live):
         surface = pair.control.surface
         shape = ParameterizedSurface(Surface(unfolded(surface), surface.faces), pair.control.disk)
         curves = [(shape.lift(line), "target") for line in targets]
-        curves += [
-            (shape.lift(line), "registered") for line in map_curves(problem.disk, fit.f, moving)
-        ]
+        curves += [(shape.lift(line), "registered") for line in map_curves(problem.disk, fit.f, moving)]
         shades = grey_levels(mean_curvature(surface), surface.vertex_areas)
-        figure = Figure(
-            figsize=(6.4, 4.3), dpi=50
-        )  # a photograph: twice the dots would be a megabyte
+        figure = Figure(figsize=(6.4, 4.3), dpi=50)  # a photograph: twice the dots would be a megabyte
         figure.add_axes((0, 0, 1, 1)).imshow(surface_picture(shape.surface, shades, curves=curves))
         figure.axes[0].axis("off")
         return figure, (

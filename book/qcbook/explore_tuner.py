@@ -17,19 +17,14 @@ class Tuner(Live):
     """Weights, landmarks and targets of the landmark fit, of the page on live tuning."""
 
     page = "tuner"
-    initial = MappingProxyType(
-        START | {"solver": "exact", "mesh": "coarser", "looks": "2", "lambda": 10.0}
-    )
+    initial = MappingProxyType(START | {"solver": "exact", "mesh": "coarser", "looks": "2", "lambda": 10.0})
     meshes = MappingProxyType({"coarser": COARSE, "finer": FINE})
 
     def files(self):
         """The inner loops in WebAssembly, the problems, and CP-Net."""
         from qclearn.nets import load  # here, as it needs torch
 
-        return super().files() | {
-            "problems.json": problems_file(),
-            "cpnet.bin": cpnet_file(load("cpnet")),
-        }
+        return super().files() | {"problems.json": problems_file(), "cpnet.bin": cpnet_file(load("cpnet"))}
 
     def problem(self, state):
         """The reader's problem on the browser's mesh."""
@@ -51,8 +46,6 @@ class Tuner(Live):
     def picture(self, state):
         """The library's figure of the exact fit, and a description."""
         given = example(state["problem"])
-        found = {
-            "exact fit": fit_state(given, tuple(state[name] for name in ("alpha", "beta", "gamma")))
-        }
+        found = {"exact fit": fit_state(given, tuple(state[name] for name in ("alpha", "beta", "gamma")))}
         words = f"Landmarks, deformed grid, |μ| and its histogram for {given.name}. {describe(found['exact fit'])}"
         return states_figure(given, found), words

@@ -8,15 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from qclearn.plot import (
-    CURVE_STYLES,
-    FLIPPED_COLOUR,
-    disk_axes,
-    disk_plot,
-    lines_plot,
-    map_curves,
-    square_lines,
-)
+from qclearn.plot import CURVE_STYLES, FLIPPED_COLOUR, disk_axes, disk_plot, lines_plot, map_curves, square_lines
 from qclearn.registration.features import FINEST
 from qclearn.registration.fit import CertifiedMap, exact_map, fit_problem, fit_registration
 from qclearn.registration.gauss_newton import MIN_DECREASE
@@ -26,9 +18,7 @@ from qclearn.registration.networks import gamma_messages, predicted
 from qclearn.registration.problem import LandmarkError, Weights
 from qclearn.registration.residuals import FeatureTerm
 
-RINGS = (
-    24  # of the polar mesh that carries the fit's unknowns: more gain little here, and take longer
-)
+RINGS = 24  # of the polar mesh that carries the fit's unknowns: more gain little here, and take longer
 # Fewer levels than `register` has: a slider cannot wait.
 FOLD_LEVELS = (guided(12, 16.0, 2), Level(RINGS, 8.0, 2, True, MIN_DECREASE, STALL_RATIO))
 BINS = np.linspace(0, 1, 41)
@@ -84,24 +74,14 @@ def fit_state(example, weights, sliding=False, solver=exact_fit):
         weights = Weights(*weights)
         features = features_of(example, weights)
         fit = solver(problem, weights, features)
-    except (
-        ValueError,
-        ImportError,
-    ) as error:  # LandmarkError, BeltramiError, SurfaceError, WeightsError; no torch
+    except (ValueError, ImportError) as error:  # LandmarkError, BeltramiError, SurfaceError, WeightsError; no torch
         return FitState(None, {}, time.perf_counter() - start, str(error))
     seconds = time.perf_counter() - start
-    losses, factors = (
-        measured_losses(problem, weights, fit.mu, problem.samples @ fit.f),
-        weights.factors,
-    )
+    losses, factors = (measured_losses(problem, weights, fit.mu, problem.samples @ fit.f), weights.factors)
     if features is not None:
-        losses["L_features"] = float(
-            (FeatureTerm(features, FINEST, 1.0).residual(fit.f) ** 2).sum()
-        )
+        losses["L_features"] = float((FeatureTerm(features, FINEST, 1.0).residual(fit.f) ** 2).sum())
         factors["L_features"] = weights.delta
-    terms = {
-        name: (losses[name], factor, factor * losses[name]) for name, factor in factors.items()
-    }
+    terms = {name: (losses[name], factor, factor * losses[name]) for name, factor in factors.items()}
     folds = f"{len(fit.flipped)} of {len(problem.disk.faces)} triangles flipped"
     certificate = "certified bijective" if fit.bijective else f"not bijective: {folds}"
     return FitState(fit, terms, seconds, "; ".join([certificate, *fit.fallbacks]))
@@ -110,9 +90,7 @@ def fit_state(example, weights, sliding=False, solver=exact_fit):
 def features_of(example, weights):
     """An example's features, None if delta is 0; LandmarkError for a delta without features."""
     if weights.delta and example.features is None:
-        raise LandmarkError(
-            f"delta = {weights.delta:g}, but {example.name!r} has no folds; choose delta 0"
-        )
+        raise LandmarkError(f"delta = {weights.delta:g}, but {example.name!r} has no folds; choose delta 0")
     return example.features if weights.delta else None
 
 
@@ -131,16 +109,11 @@ def describe(state):
 def sentences(states):
     """States (dict solver name -> FitState) as HTML: a sentence each, and the loss of each beside
     the first one's."""
-    said = [
-        f"<p><b>{html.escape(name)}</b>: {html.escape(describe(state))}</p>"
-        for name, state in states.items()
-    ]
+    said = [f"<p><b>{html.escape(name)}</b>: {html.escape(describe(state))}</p>" for name, state in states.items()]
     (name, first), *others = states.items()
     for other, state in others:
         if state.fit is not None and first.fit is not None:
-            said.append(
-                f"<p>L_CP of {other} is {state.loss / first.loss:.3g} times that of {name}.</p>"
-            )
+            said.append(f"<p>L_CP of {other} is {state.loss / first.loss:.3g} times that of {name}.</p>")
     return "".join(said)
 
 
@@ -148,14 +121,10 @@ def states_figure(example, states):
     """A Matplotlib figure of an `Example`'s states (dict name -> FitState), a row each, empty
     without a map: landmarks, the deformed grid, |mu| on the moving disk and its histogram."""
     figure = Figure(figsize=(9.6, 2.8 * len(states)), layout="constrained")
-    rows = figure.subplots(
-        len(states), 4, squeeze=False, gridspec_kw={"width_ratios": (1, 1, 1, 0.8)}
-    )
+    rows = figure.subplots(len(states), 4, squeeze=False, gridspec_kw={"width_ratios": (1, 1, 1, 0.8)})
     scale = example.radius.to_image if example.radius else np.asarray
     for (name, state), row in zip(states.items(), rows):
-        for ax, title in zip(
-            row, (name, "deformed grid", "|μ| on the moving disk", "triangles by |μ|")
-        ):
+        for ax, title in zip(row, (name, "deformed grid", "|μ| on the moving disk", "triangles by |μ|")):
             ax.set_title(title, fontsize=10)
         landmarks_plot(disk_axes(row[0]), example.problem, scale)
         if state.fit is not None:
@@ -171,14 +140,7 @@ def landmarks_plot(ax, problem, scale):
         for curve in np.split(scale(points), starts):
             ax.plot(curve.real, curve.imag, linewidth=1, **look)
     target = scale(problem.target)
-    ax.plot(
-        target.real,
-        target.imag,
-        "s",
-        color=CURVE_STYLES["target"]["color"],
-        fillstyle="none",
-        markersize=6,
-    )
+    ax.plot(target.real, target.imag, "s", color=CURVE_STYLES["target"]["color"], fillstyle="none", markersize=6)
 
 
 def fit_plot(row, example, fit, scale):
@@ -188,17 +150,13 @@ def fit_plot(row, example, fit, scale):
     yellow = CURVE_STYLES["registered"]["color"]
     row[0].plot(mapped.real, mapped.imag, "o", color=yellow, markeredgecolor="black", markersize=4)
     for triangle in scale(fit.f)[problem.disk.faces[fit.flipped]]:
-        row[0].fill(
-            triangle.real, triangle.imag, facecolor=FLIPPED_COLOUR, hatch="//", edgecolor="black"
-        )
+        row[0].fill(triangle.real, triangle.imag, facecolor=FLIPPED_COLOUR, hatch="//", edgecolor="black")
     lines = [radius.from_image(line) if radius else line for line in square_lines(15, 61)]
     carried = map_curves(problem.disk, fit.f, lines)
     lines_plot(disk_axes(row[1]), [scale(line) for line in carried], "#1F4E79")
     # A palette that is light where there is little to see: it is most of the disk.
     look = {"cmap": "YlGnBu", "vmin": 0, "vmax": 1}
     colours = disk_plot(row[2], scale(problem.disk.z), problem.disk.faces, abs(fit.mu), **look)
-    row[2].figure.colorbar(
-        colours, ax=row[2], orientation="horizontal", ticks=(0, 0.5, 1), shrink=0.6
-    )
+    row[2].figure.colorbar(colours, ax=row[2], orientation="horizontal", ticks=(0, 0.5, 1), shrink=0.6)
     row[3].hist(np.minimum(abs(fit.mu), 1), BINS, color="#0072B2")
     row[3].set(xlabel="|μ|", xlim=(0, 1), yticks=[])

@@ -34,13 +34,9 @@ def gap_grid(example, ranges, alphas, betas, gammas):
         logs = [float(np.log10(weight / weights[0])) for weight in weights[1:]]
         key = tuple(round(value, 6) for value in logs)
         if key not in known:
-            fitted, passed = (
-                fit_state(example, weights, solver=solver) for solver in (exact_fit, network_fit)
-            )
+            fitted, passed = (fit_state(example, weights, solver=solver) for solver in (exact_fit, network_fit))
             known[key] = passed.loss / fitted.loss
-        trained = all(
-            low - 1e-9 <= value <= high + 1e-9 for value, (low, high) in zip(logs, ranges)
-        )
+        trained = all(low - 1e-9 <= value <= high + 1e-9 for value, (low, high) in zip(logs, ranges))
         found.append(Gap(weights, known[key], trained))
     return found
 
@@ -55,11 +51,7 @@ def gap_bands(gaps, bands):
     rows = []
     for band in bands:
         low, high = band["from"], band["to"]
-        inside = [
-            gap.ratio for gap in gaps if gap.trained and low - 1e-9 <= gap.stiffness < high - 1e-9
-        ]
+        inside = [gap.ratio for gap in gaps if gap.trained and low - 1e-9 <= gap.stiffness < high - 1e-9]
         if inside:
-            rows.append(
-                (low, high, len(inside), float(np.median(inside)), max(inside), band["CP-Net"])
-            )
+            rows.append((low, high, len(inside), float(np.median(inside)), max(inside), band["CP-Net"]))
     return rows

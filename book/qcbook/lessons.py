@@ -22,11 +22,7 @@ from qclearn.registration.fit import fit_problem
 from qclearn.registration.metrics import measured_losses
 from qclearn.registration.problem import Problem, Weights
 
-SIZE = (
-    12,
-    36,
-    POWER,
-)  # rings, spokes and grading of the mesh on which a small CP-Net's coefficient is solved for
+SIZE = (12, 36, POWER)  # rings, spokes and grading of the mesh on which a small CP-Net's coefficient is solved for
 INSIDE = 1e-4, 60  # tolerance and most steps of that solver
 BATCH, MEASURED = 8, 5  # examples a step; steps between two looks at the unseen example
 EQUATIONS = {"as corrected": L_LBS, "as printed": L_LBS_printed}
@@ -49,10 +45,7 @@ class Lesson:
         self.network.train()
         loss = self.loss(self.draw())
         if not torch.isfinite(loss):
-            raise TrainingError(
-                f"the loss is {loss.item()} at step {len(self.history)}; start anew with a lower "
-                "rate"
-            )
+            raise TrainingError(f"the loss is {loss.item()} at step {len(self.history)}; start anew with a lower rate")
         self.optimiser.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
@@ -84,51 +77,34 @@ class CPLesson(Lesson):
     def __init__(self, weights, rate=3e-3, seed=0):
         torch.manual_seed(seed)
         t = np.linspace(-1, 1, 8)
-        self.target = np.concatenate(
-            [0.4 + 0.3j * t, -0.35 + 0.35j + 0.25 * t, -0.1 - 0.45j + 0.3 * t]
-        )
-        super().__init__(
-            PaperCPNet(PaperCPNetConfig(curves=3, points=8, size=16, widths=(48, 32, 24))),
-            rate,
-            seed,
-        )
+        self.target = np.concatenate([0.4 + 0.3j * t, -0.35 + 0.35j + 0.25 * t, -0.1 - 0.45j + 0.3 * t])
+        super().__init__(PaperCPNet(PaperCPNetConfig(curves=3, points=8, size=16, widths=(48, 32, 24))), rate, seed)
         self.weights, self.solver, self.mesh = weights, PolarSolver(*SIZE), PolarMesh(*SIZE)
         self.losses = LossMesh(self.mesh.mesh)
         self.network.targets.copy_(torch.from_numpy(self.target))
         self.places = square_places(self.losses.z[self.losses.faces].mean(1))[None, None]
-        moving = self.subject(
-            np.random.default_rng(12)
-        )  # a seed of its own: the same for every run
+        moving = self.subject(np.random.default_rng(12))  # a seed of its own: the same for every run
         self.problem = Problem(self.mesh.mesh, moving, self.target, np.repeat(np.arange(3), 8))
         fit = fit_problem(self.problem, weights, rings=SIZE[0])
-        self.least = measured_losses(self.problem, weights, fit.mu, self.problem.samples @ fit.f)[
-            "L_CP"
-        ]
+        self.least = measured_losses(self.problem, weights, fit.mu, self.problem.samples @ fit.f)["L_CP"]
 
     def subject(self, rng):
         """A subject's landmarks (24,): the target curves before a twist `w exp(i c (1 - |w|^2))`
         about a point."""
-        pole, turn = (
-            0.4 * np.sqrt(rng.random()) * np.exp(2j * np.pi * rng.random()),
-            rng.uniform(-0.8, 0.8),
-        )
+        pole, turn = (0.4 * np.sqrt(rng.random()) * np.exp(2j * np.pi * rng.random()), rng.uniform(-0.8, 0.8))
         w = mobius(self.target, pole)
         return mobius_inverse(w * np.exp(1j * turn * (1 - abs(w) ** 2)), pole)
 
     def draw(self):
         """Landmarks (BATCH, 24) of random subjects."""
-        return torch.from_numpy(np.array([self.subject(self.rng) for _ in range(BATCH)])).to(
-            torch.complex64
-        )
+        return torch.from_numpy(np.array([self.subject(self.rng) for _ in range(BATCH)])).to(torch.complex64)
 
     def coefficient(self, p):
         """The network's mu (B, F) on the faces of the mesh for landmarks p (B, 24)."""
         mu = self.network(p)
         image = torch.stack([mu.real, mu.imag], 1)
         places = self.places.expand(len(p), -1, -1, -1)
-        found = torch.nn.functional.grid_sample(
-            image, places, align_corners=False, padding_mode="border"
-        )[:, :, 0]
+        found = torch.nn.functional.grid_sample(image, places, align_corners=False, padding_mode="border")[:, :, 0]
         return torch.complex(found[:, 0], found[:, 1])
 
     def loss(self, p):
@@ -151,11 +127,7 @@ class CPLesson(Lesson):
     def answer(self, moving):
         """The network's mu (F,) on the mesh for landmarks (24,)."""
         self.network.eval()
-        return (
-            self.coefficient(torch.from_numpy(moving)[None].to(torch.complex64))[0]
-            .numpy()
-            .astype(complex)
-        )
+        return self.coefficient(torch.from_numpy(moving)[None].to(torch.complex64))[0].numpy().astype(complex)
 
 
 class DBSLesson(Lesson):
@@ -191,27 +163,19 @@ class DBSLesson(Lesson):
 
     def draw(self):
         """Coefficients (BATCH, 16, 16) drawn at random."""
-        return torch.from_numpy(np.array([self.waves(self.rng) for _ in range(BATCH)])).to(
-            torch.complex64
-        )
+        return torch.from_numpy(np.array([self.waves(self.rng) for _ in range(BATCH)])).to(torch.complex64)
 
     def loss(self, mu):
         """Mean `L_DBSNet` of the network's maps."""
         f, angles = self.network(mu)
         mesh = self.network.mesh
-        return L_DBSNet(
-            mesh, self.network.on_faces(mu), f, angles, rho=self.rho, equation=self.equation
-        ).mean()
+        return L_DBSNet(mesh, self.network.on_faces(mu), f, angles, rho=self.rho, equation=self.equation).mean()
 
     @torch.no_grad()
     def answer(self, mu):
         """The network's map (V,) of its mesh for mu (16, 16)."""
         self.network.eval()
-        return (
-            self.network(torch.from_numpy(mu)[None].to(torch.complex64))[0][0]
-            .numpy()
-            .astype(complex)
-        )
+        return self.network(torch.from_numpy(mu)[None].to(torch.complex64))[0][0].numpy().astype(complex)
 
     def unseen(self):
         """Mean distance of the map of the unseen coefficient from the exact one."""
@@ -222,7 +186,5 @@ def lesson(network, settings):
     """A new `Lesson` of "CP-Net" or "DBS-Net" with settings: alpha, beta, gamma, or equation and
     rho; and rate."""
     if network == "CP-Net":
-        return CPLesson(
-            Weights(settings["alpha"], settings["beta"], settings["gamma"]), settings["rate"]
-        )
+        return CPLesson(Weights(settings["alpha"], settings["beta"], settings["gamma"]), settings["rate"])
     return DBSLesson(settings["equation"], settings["rho"], settings["rate"])

@@ -55,17 +55,13 @@ def given():
     classes = [getattr(pages, name) for name in pages.EXPLORABLES]
     initial = {live.page: dict(live.initial) for live in classes}
     constants = {"POWER": POWER, "FINE": FINE, "COARSE": COARSE, "INITIAL": initial}
-    return "".join(
-        f"export const {name} = {json.dumps(value)};\n" for name, value in constants.items()
-    )
+    return "".join(f"export const {name} = {json.dumps(value)};\n" for name, value in constants.items())
 
 
 def modules(names):
     """Browser modules and all their imports, name -> text, imported ones first."""
     if not MODULES.exists():
-        raise FileNotFoundError(
-            f"no explorables in {MODULES}, a link to book/_assets/live; install the package again"
-        )
+        raise FileNotFoundError(f"no explorables in {MODULES}, a link to book/_assets/live; install the package again")
     found = {}
 
     def add(name):
@@ -117,9 +113,7 @@ class Explorer(anywidget.AnyWidget):
 
     def __init__(self, live):
         css = (MODULES / "live.css").read_text(encoding="utf-8")
-        super().__init__(
-            _esm=joined(), _css=css, page=live.page, state=dict(live.initial), files=live.files()
-        )
+        super().__init__(_esm=joined(), _css=css, page=live.page, state=dict(live.initial), files=live.files())
         self.live = live
         self.on_msg(self.asked)
 

@@ -40,9 +40,7 @@ def half_weights(module):
     for name, value in values.items():
         layer, kind = name.rsplit(".", 1)
         if values[f"{layer}.weight"].ndim == 4:
-            value = np.pad(
-                value, [(0, -length % step) for length, step in zip(value.shape, (8, 4, 1, 1))]
-            )
+            value = np.pad(value, [(0, -length % step) for length, step in zip(value.shape, (8, 4, 1, 1))])
             if kind == "weight":
                 value = value.reshape(-1, 8, *value.shape[1:]).transpose(0, 3, 4, 2, 1)
         found[f"unet.{name}"] = value
@@ -53,10 +51,7 @@ def cpnet_file(network):
     """CP-Net `best` with its tables. The browser carries nu on the network's own mesh, however
     close landmarks are."""
     config, born = network.config, network.born
-    sizes = {
-        name: getattr(config, name)
-        for name in ("rings", "spokes", "looks", "most", "smooth", "match")
-    }
+    sizes = {name: getattr(config, name) for name in ("rings", "spokes", "looks", "most", "smooth", "match")}
     spectrum, _ = network.carrier(config.rings)
     tables = {
         "one": born.one.conj().resolve_conj().numpy(),
@@ -72,9 +67,7 @@ def cpnet_file(network):
 def dbsnet_file(network):
     """DBS-Net `best`."""
     config = network.config
-    return packed(
-        {"rings": config.rings, "spokes": config.spokes, "power": 1.0}, half_weights(network.unet)
-    )
+    return packed({"rings": config.rings, "spokes": config.spokes, "power": 1.0}, half_weights(network.unet))
 
 
 def hemisphere_file(side, **values):
@@ -93,10 +86,7 @@ def hemisphere_file(side, **values):
         if name in plain:
             continue
         low, step = array.min(), np.ptp(array) / STEPS or 1.0
-        ranges[name], arrays[name] = (
-            [float(low), float(step)],
-            np.round((array - low) / step).astype(np.uint16),
-        )
+        ranges[name], arrays[name] = ([float(low), float(step)], np.round((array - low) / step).astype(np.uint16))
     boundary = surface.vertices[np.concatenate(surface.boundary_loops)]
     config = {
         **plain,

@@ -25,11 +25,7 @@ DRAWN = ("twist", "anew", "neighbours")
 
 def example(name):
     """The problem of a name: an `Example`."""
-    return (
-        courses_problem(cortices(name))
-        if name in CORTICES
-        else dict(zip(DRAWN, example_problems()))[name]
-    )
+    return courses_problem(cortices(name)) if name in CORTICES else dict(zip(DRAWN, example_problems()))[name]
 
 
 @cache
@@ -41,9 +37,7 @@ def problems_file():
 def as_json(example):
     """An `Example` as the browser reads it."""
     problem, radius = example.problem, example.radius
-    knots = (
-        None if radius is None else {"disk": radius.disk.tolist(), "image": radius.image.tolist()}
-    )
+    knots = None if radius is None else {"disk": radius.disk.tolist(), "image": radius.image.tolist()}
     sides = {"moving": as_pairs(problem.moving), "target": as_pairs(problem.target)}
     return {"label": example.name, **sides, "curve": problem.curve.tolist(), "radius": knots}
 

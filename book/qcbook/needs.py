@@ -18,16 +18,11 @@ def steps_to(needs):
     """page -> how many pages stand before it at least, one after the other; ValueError names a
     circle or a page that is not listed."""
     if missing := {page for needed in needs.values() for page in needed} - set(needs):
-        raise ValueError(
-            f"needs.toml: {', '.join(sorted(missing))} needed, and not listed; give each page a "
-            "line"
-        )
+        raise ValueError(f"needs.toml: {', '.join(sorted(missing))} needed, and not listed; give each page a line")
     try:
         order = list(TopologicalSorter(needs).static_order())
     except CycleError as error:
-        raise ValueError(
-            f"needs.toml: pages need each other in a circle: {' <- '.join(error.args[1])}"
-        ) from None
+        raise ValueError(f"needs.toml: pages need each other in a circle: {' <- '.join(error.args[1])}") from None
     found = {}
     for page in order:
         found[page] = 1 + max((found[needed] for needed in needs[page]), default=-1)

@@ -19,24 +19,8 @@ KINDS = ("equation", "figure", "table", "contribution", "claim", "erratum")
 PROVED = ("def-", "lem-", "prop-", "thm-", "rem-")  # how labels of theorems and their kin begin
 BOUNDS = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
 VERDICTS = {
-    *(
-        "right",
-        "right, mended",
-        "wrong as printed",
-        "undecided",
-        "overstated",
-        "made",
-        "made otherwise",
-        "not made",
-    ),
-    *(
-        "holds",
-        "holds here",
-        "does not hold here",
-        "holds for one control",
-        "a slip",
-        "changes results",
-    ),
+    *("right", "right, mended", "wrong as printed", "undecided", "overstated", "made", "made otherwise", "not made"),
+    *("holds", "holds here", "does not hold here", "holds for one control", "a slip", "changes results"),
     *("the saving holds", "the saving does not hold"),
     *("agrees", "agrees in direction only", "turned round", "not settled"),
 }
@@ -56,11 +40,7 @@ def figures_of(file):
     if file == "benchmark":
         found = summary(cohort())
         own = [line for run, line in found.items() if run.startswith("paper's networks")]
-        return found | {
-            "paper's networks": {
-                key: sum(line[key] for line in own) for key in ("certified", "pairs")
-            }
-        }
+        return found | {"paper's networks": {key: sum(line[key] for line in own) for key in ("certified", "pairs")}}
     figures = read_measured(file)
     return chain_seconds(figures["rows"]) if file == "sizes" else figures
 
@@ -92,11 +72,7 @@ def decided(line):
     value = reduce(operator.truediv, map(kept_figure, line["measured"]))
     sign, bound = line["limit"]
     ends = interval(*line["measured"]) if sign == "printed" else ()
-    verdict = (
-        judge_ratio(bound, value, *ends)
-        if ends
-        else line["verdict"][0 if BOUNDS[sign](value, bound) else 1]
-    )
+    verdict = judge_ratio(bound, value, *ends) if ends else line["verdict"][0 if BOUNDS[sign](value, bound) else 1]
     rule = line["rule"].format(limit=f"{bound:.3g}")
     return line | {"value": value, "interval": ends, "verdict": verdict, "rule": rule}
 
@@ -109,19 +85,9 @@ def paper_lines(path="paper.toml"):
 
 def paper_table(lines):
     """A Markdown table of lines of one kind, one row a line."""
-    head = [
-        "",
-        "in print",
-        "rule, and verdict",
-        "in the book",
-        "changed, compute, and how to repeat it",
-    ]
+    head = ["", "in print", "rule, and verdict", "in the book", "changed, compute, and how to repeat it"]
     return table(
-        head,
-        [
-            [str(line["number"]), line["printed"], judged(line), placed(line), repeated(line)]
-            for line in lines
-        ],
+        head, [[str(line["number"]), line["printed"], judged(line), placed(line), repeated(line)] for line in lines]
     )
 
 
@@ -148,9 +114,7 @@ def placed(line):
 
 def repeated(line):
     """What was changed from print, the compute that went in, and the command that repeats it."""
-    return "<br>".join(
-        [f"Changed: {line['changed']}.", f"Compute: {spent(line)}.", f"`{line['command']}`"]
-    )
+    return "<br>".join([f"Changed: {line['changed']}.", f"Compute: {spent(line)}.", f"`{line['command']}`"])
 
 
 def spent(line):
@@ -159,9 +123,7 @@ def spent(line):
         return line["compute"]
     from qclearn.nets.weights import FOLDER, read_weights
 
-    minutes = [
-        read_weights(FOLDER / f"{name}.safetensors")[0]["seconds"] / 60 for name in line["weights"]
-    ]
+    minutes = [read_weights(FOLDER / f"{name}.safetensors")[0]["seconds"] / 60 for name in line["weights"]]
     return f"{line['compute']}; trained for {sum(minutes):.0f} minutes of one thread"
 
 

@@ -26,17 +26,8 @@ from .live import MODULES
 WIDTH, HEIGHT = 400, 360  # of a picture, in pixels; two fit beside each other
 DEGREES = 0.4  # of turn a pixel of drag
 ZOOM = 1.4  # of the first picture
-INFLATION = (
-    3e-3  # of the area: the time of the heat flow to the surface that is shown where none is given
-)
-COLOURS = (
-    "#D55E00",
-    "#0072B2",
-    "#009E73",
-    "#CC79A7",
-    "#E69F00",
-    "#56B4E9",
-)  # of one curve after the other
+INFLATION = 3e-3  # of the area: the time of the heat flow to the surface that is shown where none is given
+COLOURS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # of one curve after the other
 
 
 class View:
@@ -89,10 +80,7 @@ class View:
         for gone in set(self.marks) - set(curves):
             self.plotter.remove_actor(self.marks.pop(gone))
         for ends, colour in set(curves) - set(self.marks):
-            parts = [
-                self.plotter.add_mesh(part, color=colour, reset_camera=False)
-                for part in self.parts(ends)
-            ]
+            parts = [self.plotter.add_mesh(part, color=colour, reset_camera=False) for part in self.parts(ends)]
             self.marks[ends, colour] = parts
 
     def parts(self, ends):
@@ -109,9 +97,7 @@ def inflated(surface):
     """The surface after a heat flow of its vertices, `(A + t K) x' = A x`, so that one sees into
     its sulci."""
     mass, step = sparse.diags_array(surface.vertex_areas), INFLATION * surface.area
-    return Surface(
-        heat_flow(mass, step * surface.stiffness, mass @ surface.vertices, 1), surface.faces
-    )
+    return Surface(heat_flow(mass, step * surface.stiffness, mass @ surface.vertices, 1), surface.faces)
 
 
 class LandmarkPicker(anywidget.AnyWidget):
@@ -131,17 +117,10 @@ class LandmarkPicker(anywidget.AnyWidget):
     def __init__(self, moving, control, path="landmarks.json", shown=(None, None)):
         self.path, self.picks = Path(path), []
         self.surfaces = {"moving": moving, "control": control}
-        self.views = {
-            side: View(one, other) for (side, one), other in zip(self.surfaces.items(), shown)
-        }
+        self.views = {side: View(one, other) for (side, one), other in zip(self.surfaces.items(), shown)}
         pictures = {side: view.picture() for side, view in self.views.items()}
         module = (MODULES / "picker.js").read_text(encoding="utf-8")
-        super().__init__(
-            _esm=module,
-            pictures=pictures,
-            names=["curve 1"],
-            said="Click the first end on either side.",
-        )
+        super().__init__(_esm=module, pictures=pictures, names=["curve 1"], said="Click the first end on either side.")
         self.on_msg(self.asked)
 
     @property
@@ -155,9 +134,7 @@ class LandmarkPicker(anywidget.AnyWidget):
     def asked(self, _, message, buffers):
         """What the browser tells: the name of a method below, and its arguments."""
         what = message.pop("do")
-        {"turn": self.turn, "click": self.click, "undo": self.undo, "save": self.save}[what](
-            **message
-        )
+        {"turn": self.turn, "click": self.click, "undo": self.undo, "save": self.save}[what](**message)
 
     def turn(self, side, right=0, down=0, zoom=1.0):
         """Turn a side's view by pixels of drag, and zoom."""
@@ -195,30 +172,19 @@ class LandmarkPicker(anywidget.AnyWidget):
     def show(self, side):
         """Mark a side anew, and say what the last curve lacks."""
         colours = (COLOURS[number % len(COLOURS)] for number in range(len(self.names)))
-        self.views[side].mark(
-            [(tuple(curve[side]), colour) for curve, colour in zip(self.curves, colours)]
-        )
+        self.views[side].mark([(tuple(curve[side]), colour) for curve, colour in zip(self.curves, colours)])
         self.pictures = {**self.pictures, side: self.views[side].picture()}
         last = self.curves[-1]
-        lacks = " and ".join(
-            f"{2 - len(last[one])} on the {one} side" for one in SIDES if len(last[one]) < 2
-        )
-        self.said = f"{last['name']} " + (
-            f"lacks ends: {lacks}." if lacks else "is complete; name it, go on, or save."
-        )
+        lacks = " and ".join(f"{2 - len(last[one])} on the {one} side" for one in SIDES if len(last[one]) < 2)
+        self.said = f"{last['name']} " + (f"lacks ends: {lacks}." if lacks else "is complete; name it, go on, or save.")
 
     def save(self):
         """Write the complete curves to `path`, or say what is wrong with them."""
         marks = {side: surface.fingerprint for side, surface in self.surfaces.items()}
-        contents = {
-            "surfaces": marks,
-            "curves": [curve for curve in self.curves if is_complete(curve)],
-        }
+        contents = {"surfaces": marks, "curves": [curve for curve in self.curves if is_complete(curve)]}
         try:
             check_curves(contents, *self.surfaces.values())
-            write_whole(
-                self.path, lambda place: place.write_text(json.dumps(contents, indent=2) + "\n")
-            )
+            write_whole(self.path, lambda place: place.write_text(json.dumps(contents, indent=2) + "\n"))
             self.said = f"{counted(contents['curves'], 'curve')} written to {self.path}."
         except ValueError as error:
             self.said = f"Not saved: {error}"

@@ -19,10 +19,7 @@ from .examples import Example
 from .fitstates import fit_state, sentences, states_figure
 from .live import two_disks
 
-WIDE = {
-    "width": "34em",
-    "max_width": "calc(100% - 4px)",
-}  # within its margins, where the page is narrow
+WIDE = {"width": "34em", "max_width": "calc(100% - 4px)"}  # within its margins, where the page is narrow
 EVERY = 0.7  # seconds between two pictures of the curves
 WAITS = "The lab trains in JupyterLab, where a kernel runs. This is what {seconds:g} seconds of it look like."
 
@@ -97,9 +94,7 @@ class TrainingLab(ipywidgets.VBox):
 
     def __init__(self):
         self.lesson, self.thread, self.stopped = None, None, threading.Event()
-        self.network = ipywidgets.Dropdown(
-            options=["CP-Net", "DBS-Net"], description="network", layout=WIDE
-        )
+        self.network = ipywidgets.Dropdown(options=["CP-Net", "DBS-Net"], description="network", layout=WIDE)
         self.alpha = power_slider("α", 1.0, -2, 2, "weight of |μ|²")
         self.beta = power_slider("β", 1e-2, -4, 1, "weight of |∇μ|²")
         self.gamma = power_slider("γ", 1e3, 0, 5, "weight of the landmark mismatch")
@@ -107,13 +102,9 @@ class TrainingLab(ipywidgets.VBox):
         self.equation = ipywidgets.Dropdown(options=equations, description="L_LBS", layout=WIDE)
         self.rho = power_slider("ρ", 1e-6, -9, -3, "weight of the boundary's angles")
         self.rate = power_slider("rate", 3e-3, -5, -1, "step of Adam")
-        self.seconds = ipywidgets.IntSlider(
-            value=10, min=1, max=60, description="seconds", layout=WIDE
-        )
+        self.seconds = ipywidgets.IntSlider(value=10, min=1, max=60, description="seconds", layout=WIDE)
         labels = "Start anew", "Stop", "Go on"
-        self.start, self.stop, self.go_on = (
-            ipywidgets.Button(description=words) for words in labels
-        )
+        self.start, self.stop, self.go_on = (ipywidgets.Button(description=words) for words in labels)
         self.curves, self.picture, self.text = (ipywidgets.HTML() for _ in range(3))
         own = {"CP-Net": [self.alpha, self.beta, self.gamma], "DBS-Net": [self.equation, self.rho]}
         self.own = {name: ipywidgets.VBox(settings) for name, settings in own.items()}
@@ -125,10 +116,7 @@ class TrainingLab(ipywidgets.VBox):
         self.stop.on_click(lambda _: self.stopped.set())
         self.go_on.on_click(lambda _: self.train())
         self.choose()
-        self.say(
-            "Choose losses and weights, guess where the curves will be after that many seconds, "
-            "and start."
-        )
+        self.say("Choose losses and weights, guess where the curves will be after that many seconds, and start.")
 
     def choose(self):
         """Show the settings of the chosen network alone."""
@@ -145,9 +133,7 @@ class TrainingLab(ipywidgets.VBox):
 
         names = "alpha", "beta", "gamma", "equation", "rho", "rate"
         self.halt()
-        self.lesson = lesson(
-            self.network.value, {name: getattr(self, name).value for name in names}
-        )
+        self.lesson = lesson(self.network.value, {name: getattr(self, name).value for name in names})
         self.train()
 
     def train(self):
@@ -185,9 +171,7 @@ class TrainingLab(ipywidgets.VBox):
             return
         self.show_curves(lesson)
         picture, words = answer_of(lesson)
-        self.picture.value = image(
-            picture, "The network's answer beside the exact one, words below."
-        )
+        self.picture.value = image(picture, "The network's answer beside the exact one, words below.")
         self.say(f"{len(lesson.history)} steps. {words}")
 
     def show_curves(self, lesson):
@@ -211,13 +195,8 @@ class LabPicture:
     def _repr_html_(self):
         picture, words = answer_of(self.lesson)
         waits = html.escape(WAITS.format(seconds=self.seconds))
-        curves = image(
-            curves_figure(self.lesson),
-            "The loss and an unseen example over the steps of a short run.",
-        )
-        answer = (
-            "Landmarks, grid and coefficient of the exact fit above, of the trained network below."
-        )
+        curves = image(curves_figure(self.lesson), "The loss and an unseen example over the steps of a short run.")
+        answer = "Landmarks, grid and coefficient of the exact fit above, of the trained network below."
         return f"<p>{waits}</p>{curves}{image(picture, answer)}{words}"
 
 

@@ -36,25 +36,14 @@ SIZES = {
     "calibrate": 10 * [6_000] + 6 * [8_000] + 3 * [10_000] + [20_000],
     "judge": 4 * [8_000] + 4 * [10_000] + [6_000, 20_000],
 }
-FIRST, GENERATION, STEPS = (
-    {"calibrate": 3001, "judge": 4001},
-    4,
-    (1, 3),
-)  # seeds; a subject's partners are so far on
+FIRST, GENERATION, STEPS = ({"calibrate": 3001, "judge": 4001}, 4, (1, 3))  # seeds; a subject's partners are so far on
 CURVES = {"all": slice(None), "half": slice(0, None, 2), "two": slice(0, None, 5), "none": slice(0)}
 LEVELS = 0.5, 0.9, 0.95
 SHARE = 0.9  # of the pairs in which the guaranteed factor covers as asked
 WARPS = {9.0: "half", 12.0: "all"}  # mm -> curves
 USUAL = {"folds": Weights(delta=DELTA, eta=ETA), "landmarks": Weights()}
-ENDS = [
-    {name: getattr(USUAL["folds"], name) * most**end}
-    for name, most in MOST.items()
-    for end in (-1, 1)
-]
-FURTHER, MORE = (
-    8,
-    (1, 2, 3),
-)  # subjects of pairs with two curves to which a third is added; partners are so far on
+ENDS = [{name: getattr(USUAL["folds"], name) * most**end} for name, most in MOST.items() for end in (-1, 1)]
+FURTHER, MORE = (8, (1, 2, 3))  # subjects of pairs with two curves to which a third is added; partners are so far on
 KEPT = Path(qc.__file__).parent / "registration" / "uncertainty.json"
 
 
@@ -77,19 +66,12 @@ def run(pair, kind, setting, timed=False, **weights):
         start = time.process_time()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            found = qc.register(
-                pair.moving.surface, pair.control.surface, fitted, uncertainty=sure, **given
-            )
+            found = qc.register(pair.moving.surface, pair.control.surface, fitted, uncertainty=sure, **given)
         seconds.append(time.process_time() - start)
     radius = found.uncertainty / calibrated()[kind]["factors"]["90"]
     error = np.zeros(0) if pair.truth is None else np.linalg.norm(found.points - pair.truth, axis=1)
     areas = pair.moving.surface.vertex_areas
-    arrays = {
-        "radius": radius,
-        "error": error,
-        "areas": areas / areas.sum(),
-        "points": found.points,
-    }
+    arrays = {"radius": radius, "error": error, "areas": areas / areas.sum(), "points": found.points}
     return arrays | ({"seconds": np.array(seconds)} if timed else {})
 
 
@@ -115,10 +97,7 @@ def factors_of(found, share=SHARE):
     rank = int(np.ceil((len(found) + 1) * share))
     names = [f"{100 * level:g}" for level in LEVELS]
     whole = [quantile(together, shares / len(found), level) for level in LEVELS]
-    own = [
-        sorted(quantile(r, one["areas"], level) for r, one in zip(ratios, found))[rank - 1]
-        for level in LEVELS
-    ]
+    own = [sorted(quantile(r, one["areas"], level) for r, one in zip(ratios, found))[rank - 1] for level in LEVELS]
     return dict(zip(names, whole)), dict(zip(names, own))
 
 
@@ -143,23 +122,11 @@ def judged(one, factors):
 
 
 @click.command(help=__doc__)
-@click.option(
-    "--folder",
-    type=Path,
-    default=user_cache_path("qclearn") / "sure",
-    help="Where finished cases are kept.",
-)
+@click.option("--folder", type=Path, default=user_cache_path("qclearn") / "sure", help="Where finished cases are kept.")
 @click.option("--out", type=Path, default=KEPT)
-@click.option(
-    "--only",
-    type=click.Choice(["next"]),
-    help="Measure this alone, and keep the rest of FILE.json.",
-)
+@click.option("--only", type=click.Choice(["next"]), help="Measure this alone, and keep the rest of FILE.json.")
 def main(folder, out, only):
-    settings = {
-        "generation": GENERATION,
-        "weights": {kind: vars(weights) for kind, weights in USUAL.items()},
-    }
+    settings = {"generation": GENERATION, "weights": {kind: vars(weights) for kind, weights in USUAL.items()}}
     checkpoint = Checkpoint(folder, settings, click.ClickException)
     if only:
         return write(out, calibrated() | {"next": on_next(checkpoint)})
@@ -168,26 +135,15 @@ def main(folder, out, only):
         seeds = [FIRST[part] + number for number in (first, second)]
         sizes = [SIZES[part][number] for number in (first, second)]
         name = f"{part}-{kind}-{seeds[0]}-{seeds[1]}-{setting}"
-        one = checkpoint.arrays(
-            f"{name}.npz", partial(synthetic, seeds, sizes, kind, setting, part == "judge")
-        )
+        one = checkpoint.arrays(f"{name}.npz", partial(synthetic, seeds, sizes, kind, setting, part == "judge"))
         found.setdefault((kind, part), []).append(one)
-        words.setdefault((kind, part), []).append(
-            {"seeds": seeds, "vertices": sizes, "curves": setting}
-        )
+        words.setdefault((kind, part), []).append({"seeds": seeds, "vertices": sizes, "curves": setting})
         print(name, flush=True)
-    result = {
-        "commit": commit(),
-        "generation": GENERATION,
-        "weights": {k: vars(w) for k, w in USUAL.items()},
-    }
+    result = {"commit": commit(), "generation": GENERATION, "weights": {k: vars(w) for k, w in USUAL.items()}}
     for kind in USUAL:
         factors, guaranteed = factors_of(found[kind, "calibrate"])
         pairs = {
-            part: [
-                said | judged(one, factors)
-                for said, one in zip(words[kind, part], found[kind, part])
-            ]
+            part: [said | judged(one, factors) for said, one in zip(words[kind, part], found[kind, part])]
             for part in SIZES
         }
         same = [one | {"radius": np.ones(len(one["error"]))} for one in found[kind, "calibrate"]]
@@ -204,18 +160,14 @@ def main(folder, out, only):
 
 
 def write(out, result):
-    write_whole(
-        out, lambda place: place.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-    )
+    write_whole(out, lambda place: place.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8"))
 
 
 def on_warps(checkpoint, factors):
     """`judged` of real cortex warped by so many mm, whose truth is known."""
     left, rows = fsaverage_side("left"), []
     for amplitude, setting in WARPS.items():
-        one = checkpoint.arrays(
-            f"warp-{amplitude:g}-{setting}.npz", partial(warped, left, amplitude, setting)
-        )
+        one = checkpoint.arrays(f"warp-{amplitude:g}-{setting}.npz", partial(warped, left, amplitude, setting))
         rows.append({"amplitude_mm": amplitude, "curves": setting} | judged(one, factors))
     return rows
 
@@ -226,15 +178,10 @@ def at_ends(checkpoint, factors):
     for weights in [*ENDS, INDIVIDUAL]:
         name = "-".join(f"{key}-{value:g}" for key, value in weights.items())
         for first, setting in enumerate(("all", "half")):
-            seeds, sizes = (
-                [FIRST["judge"] + n for n in (first, first + 1)],
-                SIZES["judge"][first : first + 2],
-            )
+            seeds, sizes = ([FIRST["judge"] + n for n in (first, first + 1)], SIZES["judge"][first : first + 2])
             make = partial(synthetic, seeds, sizes, "folds", setting, False, **weights)
             one = checkpoint.arrays(f"ends-{name}-{setting}.npz", make)
-            rows.append(
-                {"weights": weights, "seeds": seeds, "curves": setting} | judged(one, factors)
-            )
+            rows.append({"weights": weights, "seeds": seeds, "curves": setting} | judged(one, factors))
     return rows
 
 
@@ -246,9 +193,7 @@ def on_curves(checkpoint, factors):
     rows = []
     for half in (0, 1):
         fitted, held = curves[half::2], curves[1 - half :: 2]
-        one = checkpoint.arrays(
-            f"curves-{half}.npz", partial(run, Pair(right, left, tuple(fitted)), "folds", "all")
-        )
+        one = checkpoint.arrays(f"curves-{half}.npz", partial(run, Pair(right, left, tuple(fitted)), "folds", "all"))
         for curve in held:
             path = curve["moving"]
             off = curve_distance(one["points"][path], left.surface.vertices[curve["control"]])
@@ -265,12 +210,8 @@ def on_next(checkpoint):
         numbers = first, (first + step) % FURTHER
         seeds, sizes = [FIRST["judge"] + n for n in numbers], [SIZES["judge"][n] for n in numbers]
         draw = rng.random()  # before a case is kept, so that the others' draws stay
-        one = checkpoint.arrays(
-            f"next-{seeds[0]}-{seeds[1]}.npz", partial(with_third, seeds, sizes, draw)
-        )
-        said = {
-            name: one[name].tolist() for name in ("before_mm", "told_mm", "random_mm", "mean_mm")
-        }
+        one = checkpoint.arrays(f"next-{seeds[0]}-{seeds[1]}.npz", partial(with_third, seeds, sizes, draw))
+        said = {name: one[name].tolist() for name in ("before_mm", "told_mm", "random_mm", "mean_mm")}
         rows.append({"seeds": seeds, "told": str(one["told"]), "random": str(one["random"])} | said)
     return {"commit": commit(), "pairs": rows}
 

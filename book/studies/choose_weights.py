@@ -46,18 +46,9 @@ from qclearn.registration.problem import BY_DISKS, DELTA, ETA, INDIVIDUAL, Weigh
 
 GENERATION = 4  # of the cohort: its true maps keep areas about as well as maps of real cortex do
 SEEDS = range(3001, 3007)  # not those of the benchmark or of the training sets
-ALLOWED = (
-    1.0,
-    2.0,
-)  # mm of landmark error: mean over all problems, and over the worst one's landmarks
+ALLOWED = (1.0, 2.0)  # mm of landmark error: mean over all problems, and over the worst one's landmarks
 CLOSE, COHORT = 0.03, 0.05
-KEPT = (
-    "held_out_mm",
-    "worst_held_out_mm",
-    "correspondence_mm",
-    "correspondence_sulci_mm",
-    "landmark_error_mm",
-)
+KEPT = ("held_out_mm", "worst_held_out_mm", "correspondence_mm", "correspondence_sulci_mm", "landmark_error_mm")
 KEPT += ("r_depth", "p95_log2_area", "p95_log2_shape", "mean_abs_mu", "flipped")
 # (beta, gamma, delta, eta) at alpha = 1, which sets the unit of the others, and whether inner
 # points slide.
@@ -83,45 +74,26 @@ ALONE = (
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, help="JSON file to write")
-    parser.add_argument(
-        "--individual",
-        nargs=2,
-        metavar=("SURFACE", "LANDMARKS"),
-        help="onto fsaverage5's left side",
-    )
+    parser.add_argument("--individual", nargs=2, metavar=("SURFACE", "LANDMARKS"), help="onto fsaverage5's left side")
     parser.add_argument("--workers", type=int, default=2)
     options, made = parser.parse_args(), provenance()
     names = [*problems(), *(["individual"] if options.individual else [])]
     with ProcessPoolExecutor(options.workers) as pool:
         found = list(pool.map(measured, names, [options.individual] * len(names)))
     rows = [row for part in found for row in part]
-    table = [
-        line(setting, [row for row in rows if row["setting"] == setting])
-        for setting in FOLDED + ALONE
-    ]
+    table = [line(setting, [row for row in rows if row["setting"] == setting]) for setting in FOLDED + ALONE]
     taken = chosen(table)
-    for row in sorted(
-        table, key=lambda row: (row["delta"] == 0, not row["allowed"], row["figure_mm"])
-    ):
+    for row in sorted(table, key=lambda row: (row["delta"] == 0, not row["allowed"], row["figure_mm"])):
         print(
             "*" if row is taken else " ",
             {k: v if isinstance(v, bool) else round(v, 3) for k, v in row.items() if k != "each"},
         )
     if options.out:
-        rules = {
-            "allowed_mm": ALLOWED,
-            "close": CLOSE,
-            "close_cohort": COHORT,
-            "chosen": table.index(taken),
-        }
+        rules = {"allowed_mm": ALLOWED, "close": CLOSE, "close_cohort": COHORT, "chosen": table.index(taken)}
         subjects = {"seeds": list(SEEDS), "control": CONTROL, "generation": GENERATION}
-        write_measured(
-            "weights", options.out, {"table": table, **subjects, **rules, "provenance": made}
-        )
+        write_measured("weights", options.out, {"table": table, **subjects, **rules, "provenance": made})
 
 
 def problems():
@@ -136,9 +108,7 @@ def problems():
 def chooses(name):
     """Whether a problem takes part in the choice."""
     *_, part = name.split(", ")
-    return part == HALVES[0] or (
-        part.isdigit() and int(part) % 2 == 0 and int(part) != AMPLITUDES[1]
-    )
+    return part == HALVES[0] or (part.isdigit() and int(part) % 2 == 0 and int(part) != AMPLITUDES[1])
 
 
 def pair_of(name, individual):
@@ -152,15 +122,11 @@ def pair_of(name, individual):
     if kind == "warp":
         return warp_pair(fsaverage_side("left"), float(given[0]))
     if kind == "cohort":
-        subject, control = (
-            mapped_subject(seed, 10_000, None, GENERATION) for seed in (int(given[0]), CONTROL)
-        )
+        subject, control = (mapped_subject(seed, 10_000, None, GENERATION) for seed in (int(given[0]), CONTROL))
         return cohort_pair(subject, control)
     surface, landmarks = individual
     curves = tuple(json.loads(Path(landmarks).read_text())["curves"])
-    return Pair(
-        mapped(qc.read_surface(surface)), mapped(qc.fsaverage5("left")), curves, held=curves
-    )
+    return Pair(mapped(qc.read_surface(surface)), mapped(qc.fsaverage5("left")), curves, held=curves)
 
 
 def measured(name, individual):
@@ -172,33 +138,19 @@ def measured(name, individual):
         sides = with_folds(prepared.problem)
         free = align_disks(replace(sides, curves=[], held=[]))
         given = replace(
-            prepared.problem,
-            sides=replace(sides, moving=replace(sides.moving, disk=prepared.problem.disk)),
+            prepared.problem, sides=replace(sides, moving=replace(sides.moving, disk=prepared.problem.disk))
         )
-        ways = {"individual": ["free"], "warp": ["landmarks"]}.get(
-            name.split(",")[0], ["landmarks", "free"]
-        )
+        ways = {"individual": ["free"], "warp": ["landmarks"]}.get(name.split(",")[0], ["landmarks", "free"])
         ways = ways[:1] if name.endswith(HALVES[1]) else ways
         for setting in FOLDED + ALONE:
             beta, gamma, delta, eta, sliding = setting
             for way in [one for one in ways if delta or one == "landmarks"]:
-                problem = (
-                    replace(given, sliding=sliding)
-                    if way == "landmarks"
-                    else sample_landmarks(free).problem
-                )
+                problem = replace(given, sliding=sliding) if way == "landmarks" else sample_landmarks(free).problem
                 start = time.process_time()
                 fit = fit_with_fallbacks(
-                    problem,
-                    Weights(1.0, beta, gamma, delta, eta),
-                    features=sides.features if delta else None,
+                    problem, Weights(1.0, beta, gamma, delta, eta), features=sides.features if delta else None
                 )
-                row = {
-                    "setting": setting,
-                    "problem": name,
-                    "way": way,
-                    "seconds": time.process_time() - start,
-                }
+                row = {"setting": setting, "problem": name, "way": way, "seconds": time.process_time() - start}
                 figures = map_figures(pair, prepared, fit.f, pair.control.disk.lookup, False)
                 row |= {key: figures[key] for key in KEPT} | {"fallbacks": len(fit.fallbacks)}
                 print(json.dumps(row), flush=True)
@@ -224,26 +176,16 @@ def line(setting, rows):
     return {
         **asdict(Weights(1.0, beta, gamma, delta, eta)),
         "sliding": sliding,
-        **{
-            key: mean([row[key] for row in with_curves if row[key] is not None])
-            for key in (*KEPT, "seconds")
-        },
+        **{key: mean([row[key] for row in with_curves if row[key] is not None]) for key in (*KEPT, "seconds")},
         **judged,
         "figure_mm": judged["real_chosen_mm"],
         "real_log2_area": mean([row["p95_log2_area"] for row in real]),
-        "cohort_free_mm": mean(
-            [row["correspondence_mm"] for row in cohort if row["way"] == "free"]
-        ),
-        "cohort_mm": mean(
-            [row["correspondence_mm"] for row in cohort if row["way"] == "landmarks"]
-        ),
+        "cohort_free_mm": mean([row["correspondence_mm"] for row in cohort if row["way"] == "free"]),
+        "cohort_mm": mean([row["correspondence_mm"] for row in cohort if row["way"] == "landmarks"]),
         "worst_landmark_error_mm": max(errors),
         "allowed": mean(errors) <= ALLOWED[0] and max(errors) <= ALLOWED[1],
         "fallbacks": sum(row["fallbacks"] > 0 for row in rows),
-        "each": [
-            {key: row[key] for key in ("problem", "way", *KEPT[:3], "p95_log2_area")}
-            for row in rows
-        ],
+        "each": [{key: row[key] for key in ("problem", "way", *KEPT[:3], "p95_log2_area")} for row in rows],
     }
 
 
@@ -255,15 +197,10 @@ def judge(row):
 def chosen(table):
     """The row of the rule."""
     allowed = [row for row in table if row["delta"] and row["allowed"]]
-    near = [
-        row
-        for row in allowed
-        if row["figure_mm"] <= (1 + CLOSE) * min(one["figure_mm"] for one in allowed)
-    ]
+    near = [row for row in allowed if row["figure_mm"] <= (1 + CLOSE) * min(one["figure_mm"] for one in allowed)]
     cohort = min(one["cohort_chosen_mm"] for one in allowed)
     return min(
-        (row for row in near if row["cohort_chosen_mm"] <= (1 + COHORT) * cohort),
-        key=lambda row: row["real_log2_area"],
+        (row for row in near if row["cohort_chosen_mm"] <= (1 + COHORT) * cohort), key=lambda row: row["real_log2_area"]
     )
 
 

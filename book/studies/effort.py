@@ -53,9 +53,7 @@ def counted(fit):
 
 
 @click.command()
-@click.option(
-    "--count", default=20, show_default=True, help="Problems, each fitted at every gamma."
-)
+@click.option("--count", default=20, show_default=True, help="Problems, each fitted at every gamma.")
 @click.option("--folds", is_flag=True, help="With folds, the default of `register`.")
 def main(count, folds):
     rng, most = np.random.default_rng(1), defaultdict(lambda: (0, 0))
@@ -66,9 +64,7 @@ def main(count, folds):
         given = [curve | {"detect": bool(rng.random() < 0.8)} for curve in chosen]
         for gamma in GAMMAS:
             options = {} if folds else {"features": None}
-            fit = partial(
-                qc.register, moving, control, given, gamma=gamma, accept_suspect=True, **options
-            )
+            fit = partial(qc.register, moving, control, given, gamma=gamma, accept_suspect=True, **options)
             levels = counted(fit)
             click.echo(f"{number} {gamma:g} {len(given)} {levels}")
             for k, (maps, products) in enumerate(levels):

@@ -29,9 +29,7 @@ def elimination_order(matrix, points, loop):
         halves, middle = np.argpartition(along, len(part) // 2), len(part) // 2
         one, two = part[halves[:middle]], part[halves[middle:]]
         counts = starts[one + 1] - starts[one]
-        entries = np.arange(counts.sum()) + np.repeat(
-            starts[one] - np.cumsum(counts) + counts, counts
-        )
+        entries = np.arange(counts.sum()) + np.repeat(starts[one] - np.cumsum(counts) + counts, counts)
         other[two] = True
         touching = np.zeros(len(one), bool)
         touching[np.repeat(np.arange(len(one)), counts)[other[neighbours[entries]]]] = True

@@ -48,15 +48,9 @@ def main():
 
 
 def read_options():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "--seeds", type=seed_list, default=seed_list("1001-1024"), help="default: 1001-1024"
-    )
-    parser.add_argument(
-        "--only", nargs="+", choices=PARTS, default=PARTS, help="parts to run (default: all)"
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=seed_list, default=seed_list("1001-1024"), help="default: 1001-1024")
+    parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS, help="parts to run (default: all)")
     parser.add_argument("--quick", action="store_true", help="few samples, to see that all works")
     parser.add_argument("--out", type=Path, help="JSON file to write or to renew")
     return parser.parse_args()

@@ -21,15 +21,8 @@ from qclearn.io.safe import write_whole
 from qclearn.surfaces.curvature import sulcal_depth
 
 VERTICES = 10_000
-LEAST, MOST = (
-    -0.5,
-    1.5,
-)  # in standard deviations: crowns pushed out hard would be flat, the deepest folds too deep
-OWN = {
-    "variability": 0.0,
-    "pattern": 0.0,
-    "companions": (0.75, 0.75),
-}  # where the template differs from a subject
+LEAST, MOST = (-0.5, 1.5)  # in standard deviations: crowns pushed out hard would be flat, the deepest folds too deep
+OWN = {"variability": 0.0, "pattern": 0.0, "companions": (0.75, 0.75)}  # where the template differs from a subject
 
 
 class Template(Individual):
@@ -62,10 +55,7 @@ def template_depth(n_vertices=VERTICES):
 
 def main():
     percent = np.round(100 * template_depth()).astype(int).tolist()
-    kept = {
-        "of": "depth of the folded template, percent of its standard deviation",
-        "guidance": asdict(Guidance()),
-    }
+    kept = {"of": "depth of the folded template, percent of its standard deviation", "guidance": asdict(Guidance())}
     text = json.dumps(kept | {"vertices": VERTICES, "percent": percent})
     write_whole(FILE, lambda place: place.write_text(text + "\n", encoding="utf-8"))
 

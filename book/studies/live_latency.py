@@ -24,23 +24,12 @@ from playwright.sync_api import sync_playwright
 
 SITE = Path(__file__).resolve().parents[2] / "_build" / "html"
 FLAGS = ["--no-sandbox"]
-GRAPHICS = [
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-]  # for scenes in 3-D, where there is no card
+GRAPHICS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]  # for scenes in 3-D, where there is no card
 MOVES = 20
 PAUSE = 200  # milliseconds between moves, for what comes later than an answer
 MB = 1e6
 SOLID = ("sulci", "growth")  # explorables with a scene in 3-D
-ASKED = {
-    "first": 1500,
-    "median": 100,
-    "worst": 250,
-    "site": 6.0,
-    "explorable": 1.8,
-    "3-D": 3.0,
-    "page": 8.0,
-}
+ASKED = {"first": 1500, "median": 100, "worst": 250, "site": 6.0, "explorable": 1.8, "3-D": 3.0, "page": 8.0}
 # When the first answer of an explorable stood there, in milliseconds since the page was asked for.
 LISTEN = """window.first = {};
 document.addEventListener('qc-live-answer', event => {
@@ -74,9 +63,7 @@ class Quiet(SimpleHTTPRequestHandler):
 def explorables():
     """Pairs (page of the site, name of an explorable on it)."""
     for path in sorted(SITE.glob("*.html")):
-        for name in re.findall(
-            r'class="qc-live" data-page="(\w+)"', path.read_text(encoding="utf-8")
-        ):
+        for name in re.findall(r'class="qc-live" data-page="(\w+)"', path.read_text(encoding="utf-8")):
             yield path.name, name
 
 
@@ -103,10 +90,7 @@ def visit(browser, address, page, name):
     milliseconds, and what it downloads, then and later: URL -> bytes."""
     tab, sizes, before = browser.new_page(), {}, computed()
     tab.add_init_script(LISTEN)
-    tab.on(
-        "requestfinished",
-        lambda request: sizes.setdefault(request.url, request.sizes()["responseBodySize"]),
-    )
+    tab.on("requestfinished", lambda request: sizes.setdefault(request.url, request.sizes()["responseBodySize"]))
     tab.goto(address + page, timeout=120_000, wait_until="commit")
     tab.wait_for_function("name => window.first?.[name]", arg=name, timeout=120_000)
     work = computed() - before
@@ -128,11 +112,7 @@ def moved(tab, name, slider):
 
 def line(what, value, unit, asked):
     """A line of the table."""
-    verdict = (
-        ""
-        if asked is None
-        else f"asked {asked:g} {unit}: {'reached' if value <= asked else 'MISSED'}"
-    )
+    verdict = "" if asked is None else f"asked {asked:g} {unit}: {'reached' if value <= asked else 'MISSED'}"
     print(f"{what:58s} {value:9.2f} {unit:3s} {verdict}", flush=True)
 
 
@@ -140,40 +120,21 @@ def report(start, address, page, name):
     """Visit an explorable in a browser of its own and print its figures."""
     browser = start(args=[*FLAGS, *(GRAPHICS if name in SOLID else [])])
     tab, work, sizes = visit(browser, address, page, name)
-    line(
-        f"{name} ({page}): first answer",
-        tab.evaluate("name => window.first[name]", name),
-        "ms",
-        ASKED["first"],
-    )
+    line(f"{name} ({page}): first answer", tab.evaluate("name => window.first[name]", name), "ms", ASKED["first"])
     line(f"{name}: computed for it, and for the whole page", work, "ms", None)
     label = tab.locator(f".qc-live[data-page={name}] .qc-live-slider label").first.text_content()
     slider = "gamma" if name in ("tuner", "sulci") else label
     for kind, took in zip(("by the clock", "computed"), moved(tab, name, slider)):
-        line(
-            f"{name}: {slider[:16]} moved, {kind}, median of {MOVES}",
-            statistics.median(took),
-            "ms",
-            ASKED["median"],
-        )
+        line(f"{name}: {slider[:16]} moved, {kind}, median of {MOVES}", statistics.median(took), "ms", ASKED["median"])
         line(f"{name}: the worst of them", max(took), "ms", ASKED["worst"])
     own = sum(size for url, size in sizes.items() if "_static/live/" in url)
-    line(
-        f"{name}: modules, weights, data",
-        own / MB,
-        "MB",
-        ASKED["3-D" if name in SOLID else "explorable"],
-    )
+    line(f"{name}: modules, weights, data", own / MB, "MB", ASKED["3-D" if name in SOLID else "explorable"])
     line(f"{name}: the page over the wire", sum(sizes.values()) / MB, "MB", ASKED["page"])
     browser.close()
 
 
 def main():
-    path = (
-        shutil.which("chromium")
-        or shutil.which("chromium-browser")
-        or shutil.which("google-chrome")
-    )
+    path = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     if not (SITE / "_static" / "live").exists() or path is None:
         sys.exit("live_latency: build the site with `make book`, and install Chromium")
     handler = functools.partial(Quiet, directory=SITE)

@@ -24,9 +24,7 @@ SUBJECTS, VERTICES, REPETITIONS = 1, 2500, 3
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
     hemispheres([*SEEDS[:SUBJECTS], CONTROL], VERTICES)

@@ -41,27 +41,14 @@ GAMMA, WEIGHTS = 2e5, (0.1, 5.0)  # of the paper's CP-Net, and lambda of the har
 POINTS = 10  # of a curve
 SULCI = (  # in the order that the paper's networks were trained on
     *("central sulcus", "sylvian fissure", "superior temporal sulcus", "calcarine sulcus"),
-    *(
-        "parieto-occipital sulcus",
-        "intraparietal sulcus",
-        "cingulate sulcus",
-        "superior frontal sulcus",
-    ),
+    *("parieto-occipital sulcus", "intraparietal sulcus", "cingulate sulcus", "superior frontal sulcus"),
 )
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, help="JSON file to write")
-    parser.add_argument(
-        "--cuts",
-        type=int,
-        nargs="+",
-        default=list(REPETITIONS),
-        help="how often each face is split",
-    )
+    parser.add_argument("--cuts", type=int, nargs="+", default=list(REPETITIONS), help="how often each face is split")
     options = parser.parse_args()
     torch.set_num_threads(1)
     surfaces = mirror(fsaverage5("right")), fsaverage5("left")
@@ -77,24 +64,12 @@ def main():
             vertices = len(sides[0].vertices)
             repetitions[vertices] = REPETITIONS[cuts]
             rows += [row(vertices, *key, seconds) for key, seconds in clock.least.items()]
-            maps += [
-                {"vertices": vertices, "chain": chain, **figures}
-                for chain, figures in found.items()
-            ]
+            maps += [{"vertices": vertices, "chain": chain, **figures} for chain, figures in found.items()]
             print(
-                *(
-                    f"{line['chain']:24}{line['stage']:16}{line['seconds']:9.3f}"
-                    for line in rows[-len(clock.least) :]
-                ),
+                *(f"{line['chain']:24}{line['stage']:16}{line['seconds']:9.3f}" for line in rows[-len(clock.least) :]),
                 sep="\n",
             )
-    figures = {
-        "rows": rows,
-        "maps": maps,
-        "landmarks": POINTS * len(SULCI),
-        "repetitions": repetitions,
-        "threads": 1,
-    }
+    figures = {"rows": rows, "maps": maps, "landmarks": POINTS * len(SULCI), "repetitions": repetitions, "threads": 1}
     if options.out:
         write_measured("sizes", options.out, figures | {"provenance": provenance()})
 
@@ -107,9 +82,7 @@ def landmarks(surface, hemisphere):
     """Vertices (curves, points) of a side of fsaverage5 along its shortest fundus paths."""
     ends, metric = named_sulci(hemisphere, surface.original_vertices), fundus_metric(surface)
     paths = [fundus_path(surface, *ends[name], metric) for name in SULCI]
-    return np.array(
-        [path[np.linspace(0, len(path) - 1, POINTS).round().astype(int)] for path in paths]
-    )
+    return np.array([path[np.linspace(0, len(path) - 1, POINTS).round().astype(int)] for path in paths])
 
 
 def cut(surface, times):
@@ -117,18 +90,12 @@ def cut(surface, times):
     for _ in range(times):
         n, edges = len(surface.vertices), surface.edges
         keys = edges[:, 0] * n + edges[:, 1]
-        ends = np.sort(
-            np.stack([surface.faces, np.roll(surface.faces, -1, axis=1)], axis=-1), axis=-1
-        )
+        ends = np.sort(np.stack([surface.faces, np.roll(surface.faces, -1, axis=1)], axis=-1), axis=-1)
         middle = n + np.searchsorted(keys, ends[..., 0] * n + ends[..., 1])
         a, b, c = surface.faces.T
         ab, bc, ca = middle.T
-        faces = np.concatenate(
-            [np.stack(f, axis=1) for f in ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))]
-        )
-        surface = Surface(
-            np.concatenate([surface.vertices, surface.vertices[edges].mean(1)]), faces
-        )
+        faces = np.concatenate([np.stack(f, axis=1) for f in ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))])
+        surface = Surface(np.concatenate([surface.vertices, surface.vertices[edges].mean(1)]), faces)
     return surface
 
 
@@ -148,9 +115,7 @@ class Clock:
         return found
 
     def keep_the_least(self):
-        self.least = {
-            key: min(seconds, self.least.get(key, np.inf)) for key, seconds in self.now.items()
-        }
+        self.least = {key: min(seconds, self.least.get(key, np.inf)) for key, seconds in self.now.items()}
         self.now = {}
 
 
@@ -187,9 +152,7 @@ def chains(surfaces, marks, clock):
 
 def fresh(problem):
     """The problem on a mesh of which nothing is known yet."""
-    return Problem(
-        Disk(problem.disk.z, problem.disk.faces), problem.moving, problem.target, problem.curve
-    )
+    return Problem(Disk(problem.disk.z, problem.disk.faces), problem.moving, problem.target, problem.curve)
 
 
 def networks(problem, predict, clock):
@@ -217,9 +180,7 @@ def harmonic(problem, chain, weight, dissected, clock):
     """The harmonic map with soft landmarks, its overlap correction and the certificate."""
     problem, own = fresh(problem), [chain]
     solver = clock(own, "harmonic map", prepared, problem, dissected)
-    first = clock(
-        own, "harmonic map", solver.solve, np.zeros(len(problem.disk.faces), complex), weight
-    )
+    first = clock(own, "harmonic map", solver.solve, np.zeros(len(problem.disk.faces), complex), weight)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RepairWarning)
         last = clock(own, "correction", unfold, solver, first, np.exp(-np.sqrt(weight) / 4))

@@ -29,14 +29,7 @@ from qclearn.io.checkpoint import Checkpoint
 from qclearn.io.provenance import commit
 from qclearn.plane.disk import Disk
 from qclearn.registration import diagnose
-from qclearn.registration.curves import (
-    check_curves,
-    edge_graph,
-    fundus_metric,
-    fundus_path,
-    held_apart,
-    weigh_edges,
-)
+from qclearn.registration.curves import check_curves, edge_graph, fundus_metric, fundus_path, held_apart, weigh_edges
 from qclearn.registration.diagnose import (
     align_by_folds,
     compared,
@@ -51,14 +44,8 @@ from qclearn.registration.features import FOLDS, mirrored_gain
 from qclearn.registration.pair import SurfacePair
 from qclearn.surfaces.conformal import ParameterizedSurface, parameterize
 
-VERTICES, CASES = (
-    3000,
-    20,
-)  # of the synthetic subjects; of each mistake, and ten times as many good ones
-FEW, ALONE = (
-    ", one or two",
-    ", folds alone",
-)  # ends of kinds: with so few curves, the others held out
+VERTICES, CASES = (3000, 20)  # of the synthetic subjects; of each mistake, and ten times as many good ones
+FEW, ALONE = (", one or two", ", folds alone")  # ends of kinds: with so few curves, the others held out
 # kind of case with a mistake -> the word that it is to be met by
 WORDS = {
     "mirrored": "mirror",
@@ -106,19 +93,14 @@ def uncut(surface, rng):
     """The surface with the numbers that its vertices might have had in a whole one of 5 % more."""
     count = len(surface.vertices)
     return qc.Surface(
-        surface.vertices,
-        surface.faces,
-        surface.curves,
-        np.sort(rng.choice(count + count // 20, count, replace=False)),
+        surface.vertices, surface.faces, surface.curves, np.sort(rng.choice(count + count // 20, count, replace=False))
     )
 
 
 def draw(rng, groups, kind):
     """A random pair: (names, moving, control, curves as in a landmarks file), of which some are
     held out."""
-    group = groups[
-        int(rng.random() < 0.75)
-    ]  # synthetic ones are smaller, and there are more of them
+    group = groups[int(rng.random() < 0.75)]  # synthetic ones are smaller, and there are more of them
     names = rng.choice(sorted(group), 2, replace=False).tolist()
     moving, control = (group[name] for name in names)
     shared = [name for name in control.curves if name in moving.curves]
@@ -131,10 +113,7 @@ def draw(rng, groups, kind):
         return (surface.curves[name] if whole else surface.curves[name][[0, -1]]).tolist()
 
     held = [name for name in shared if (few or alone) and name not in chosen]
-    curves = [
-        {"name": name, "moving": path(moving, name), "control": path(control, name)}
-        for name in chosen + held
-    ]
+    curves = [{"name": name, "moving": path(moving, name), "control": path(control, name)} for name in chosen + held]
     return names, moving, control, [curve | {"hold_out": curve["name"] in held} for curve in curves]
 
 
@@ -154,9 +133,7 @@ def spoil(kind, rng, moving, control, curves):
     if kind == "two swapped":
         one, other = (curves[k] for k in picked)
         one["moving"], other["moving"] = other["moving"], one["moving"]
-    for curve in {"all reversed": curves, "one reversed": [curves[k] for k in picked[:1]]}.get(
-        kind, []
-    ):
+    for curve in {"all reversed": curves, "one reversed": [curves[k] for k in picked[:1]]}.get(kind, []):
         curve["moving"].reverse()
     return moving, control
 
@@ -176,11 +153,7 @@ def hypotheses(sides):
     found, given = {}, given_hypothesis(sides)
     for other in [*surface_hypotheses(given, sides), *order_hypotheses(given)]:
         word = other.reason.split(":")[0] or ("reversed" if other.backwards.any() else "swapped")
-        found[word] = min(
-            found.get(word, {"better": np.inf}),
-            compared(given, other),
-            key=lambda one: one["better"],
-        )
+        found[word] = min(found.get(word, {"better": np.inf}), compared(given, other), key=lambda one: one["better"])
     return found
 
 
@@ -189,14 +162,10 @@ def folds_say(moving, control, entries, result):
     for the fit."""
     z = {"moving": result.disk_moving, "control": result.disk_control}
     here, there = (
-        ParameterizedSurface(s, Disk(z[side], s.faces))
-        for side, s in (("moving", moving), ("control", control))
+        ParameterizedSurface(s, Disk(z[side], s.faces)) for side, s in (("moving", moving), ("control", control))
     )
     laid = align_by_folds(with_folds(SurfacePair(here, there, entries, [])))
-    case = {
-        "hand": mirrored_gain(laid.moving, laid.control),
-        "rotation_contrast": rotation_contrast(laid),
-    }
+    case = {"hand": mirrored_gain(laid.moving, laid.control), "rotation_contrast": rotation_contrast(laid)}
     return case | ({"hypotheses": hypotheses(laid)} if entries else {})
 
 
@@ -221,14 +190,8 @@ def outcome(result, moving):
         }
     if report["held_out_mm"]:
         before, after = np.transpose(list(report["held_out_mm"].values()))
-        case |= {
-            "held_out_mm": report["held_out_mm"],
-            "worse": float(after.mean() / before.mean() - 1),
-        }
-        case |= {
-            "worse_mm": float((after - before).mean()),
-            "worse_curve_mm": float((after - before).max()),
-        }
+        case |= {"held_out_mm": report["held_out_mm"], "worse": float(after.mean() / before.mean() - 1)}
+        case |= {"worse_mm": float((after - before).mean()), "worse_curve_mm": float((after - before).max())}
     if report["dice"]:
         overlap = [report["dice"][when] for when in ("before", "after")]
         case |= {"dice": overlap, "worse_dice": 1 - overlap[1] / overlap[0]}
@@ -261,23 +224,12 @@ def measure(kind, number, groups):
         if not (few or alone):
             sides = SurfacePair(parameterize(moving), parameterize(control), entries, held=[])
             case |= {"hypotheses": hypotheses(sides), "mistakes": diagnose_landmarks(sides)}
-            result = qc.register(
-                moving, control, curves, method=method, features=None, accept_suspect=True
-            )
+            result = qc.register(moving, control, curves, method=method, features=None, accept_suspect=True)
         else:
             result = qc.register(
-                moving,
-                control,
-                curves,
-                features=features,
-                annotations=annotations,
-                accept_suspect=True,
+                moving, control, curves, features=features, annotations=annotations, accept_suspect=True
             )
-            said = [
-                reason
-                for reason in result.report["suspect"]
-                if reason.split(":")[0] in WORDS.values()
-            ]
+            said = [reason for reason in result.report["suspect"] if reason.split(":")[0] in WORDS.values()]
             case |= {"mistakes": said} | folds_say(moving, control, entries, result)
         case |= outcome(result, moving)
     except ValueError as error:
@@ -288,9 +240,7 @@ def measure(kind, number, groups):
 def recognised(case):
     """Whether a wrong case was met by its word: as a reason, or in the message it was refused with."""
     word = WORDS[case["kind"]] + ":"
-    return word in case.get("refused", "") or any(
-        reason.startswith(word) for reason in case.get("mistakes", [])
-    )
+    return word in case.get("refused", "") or any(reason.startswith(word) for reason in case.get("mistakes", []))
 
 
 def any_word(case):
@@ -321,9 +271,7 @@ def table(cases):
     for name, limit in VALUES.items():
         yield f"{name} (limit {diagnose.LIMITS[limit]:.3g})"
         for kind in COUNTS:
-            found = [
-                value for case in cases if case["kind"] == kind for value in found_in(case, name)
-            ]
+            found = [value for case in cases if case["kind"] == kind for value in found_in(case, name)]
             if found:
                 yield f"    {kind:26} {min(found):.3g} to {max(found):.3g}"
 
@@ -342,17 +290,14 @@ def main(also, out):
     real |= {Path(path).stem: uncut(qc.read_surface(path), rng) for path in also}
     # Kinds mixed, so that a run that is stopped has some of each.
     wanted = sorted(
-        ((kind, k) for kind, count in COUNTS.items() for k in range(count)),
-        key=lambda c: c[1] / COUNTS[c[0]],
+        ((kind, k) for kind, count in COUNTS.items() for k in range(count)), key=lambda c: c[1] / COUNTS[c[0]]
     )
     done = read_measured("suspect", out)["cases"] if Path(out).is_file() else []
     done = {(case["kind"], case["number"]): case for case in done}
     settings = {"vertices": VERTICES, "also": list(also)}
     checkpoint = Checkpoint(f"{out}.partial", settings, click.ClickException)
     for kind, number in tqdm([task for task in wanted if task not in done]):
-        done[kind, number] = checkpoint.json(
-            f"{kind} {number}.json", partial(measure, kind, number, (real, synthetic))
-        )
+        done[kind, number] = checkpoint.json(f"{kind} {number}.json", partial(measure, kind, number, (real, synthetic)))
     cases = [done[key] for key in sorted(done)]
     figures = {"commit": commit(), "vertices": VERTICES, "limits": diagnose.LIMITS, "cases": cases}
     write_measured("suspect", out, figures)

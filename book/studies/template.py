@@ -45,9 +45,7 @@ PIXELS, GREYS = 96, 100  # of the pictures, and steps from 0 to their largest va
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, required=True, help="JSON file to write")
     options = parser.parse_args()
@@ -59,9 +57,7 @@ def measure(options, folder):
     subjects = {str(cortex.seed): cortex for cortex in cohort()}
     seconds = {}
     with clock(seconds, "template"):
-        made = qc.template(
-            subjects, rounds=ROUNDS, folder=folder, workers=options.workers, progress=True
-        )
+        made = qc.template(subjects, rounds=ROUNDS, folder=folder, workers=options.workers, progress=True)
     start = qc.template(subjects, rounds=0, folder=folder, workers=1)
     with clock(seconds, "one control"):
         control, single, fits = one_control(subjects, folder, options.workers)
@@ -97,10 +93,7 @@ def clock(seconds, name):
     """Keep the seconds that pass: on the clock, and of processors."""
     start = time.perf_counter(), processor_seconds()
     yield
-    seconds[name] = {
-        "wall": round(time.perf_counter() - start[0], 1),
-        "cpu": round(processor_seconds() - start[1], 1),
-    }
+    seconds[name] = {"wall": round(time.perf_counter() - start[0], 1), "cpu": round(processor_seconds() - start[1], 1)}
 
 
 def processor_seconds():
@@ -137,10 +130,7 @@ def against_truth(subjects, control, maps, back):
         near = near_curves(one.surface, list(one.curves.values()), NEAR)
         row = correspondence_measures(side.lift(f), correspondence(one, there), near)
         ends = curves_in_space(side, [f[one.curves[curve]] for curve in there.curves])
-        rows.append(
-            row
-            | {"sulci_mm": float(np.mean([curve_distance(*pair) for pair in zip(ends, wanted)]))}
-        )
+        rows.append(row | {"sulci_mm": float(np.mean([curve_distance(*pair) for pair in zip(ends, wanted)]))})
     return {key: float(np.mean([row[key] for row in rows])) for key in rows[0]}
 
 

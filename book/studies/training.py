@@ -29,13 +29,8 @@ from qclearn.io.provenance import commit
 FOLDER = user_cache_path("qclearn") / "training" / "runs"
 LOSSES = ("energy", "maps", "rows")  # of the paper's DBS-Net
 STEPS = (1_100, 4_400, 17_600)  # the same, each with a whole cosine
-SMALL, SMALL_STEPS = (
-    {"size": 16, "frequencies": 4},
-    (1_100, 4_400),
-)  # minutes each: the curves' shape, soon
-CONTROL_STEPS = (
-    900  # of the paper's CP-Net through each solver; as it is shipped it has its recipe's
-)
+SMALL, SMALL_STEPS = ({"size": 16, "frequencies": 4}, (1_100, 4_400))  # minutes each: the curves' shape, soon
+CONTROL_STEPS = 900  # of the paper's CP-Net through each solver; as it is shipped it has its recipe's
 WINNER = "exact"  # the solver that it is shipped from
 # At gamma 1e4: in as many steps as the others it finds what its loss does not see (chapter on
 # CP-Net).
@@ -55,33 +50,14 @@ class Run(NamedTuple):
 def runs():
     """Every training, name -> Run. The paper's CP-Net goes through DBS-Nets as they are shipped:
     train those first."""
-    solvers = {
-        f"dbsnet-paper-{loss}-{steps}": dbsnet(loss, steps) for steps in STEPS for loss in LOSSES
-    }
-    small = {
-        f"dbsnet-small-{loss}-{steps}": dbsnet(loss, steps, **SMALL)
-        for steps in SMALL_STEPS
-        for loss in LOSSES
-    }
+    solvers = {f"dbsnet-paper-{loss}-{steps}": dbsnet(loss, steps) for steps in STEPS for loss in LOSSES}
+    small = {f"dbsnet-small-{loss}-{steps}": dbsnet(loss, steps, **SMALL) for steps in SMALL_STEPS for loss in LOSSES}
     best = {f"{name}-best": Run(name, {"preset": "best"}) for name in ("dbsnet", "ldnet", "cpnet")}
-    controls = {
-        f"cpnet-paper-g1e5-{name}": cpnet(name, "1e5", CONTROL_STEPS)
-        for name in ("exact", "paper", "best")
-    }
+    controls = {f"cpnet-paper-g1e5-{name}": cpnet(name, "1e5", CONTROL_STEPS) for name in ("exact", "paper", "best")}
     shipped = {f"cpnet-paper-g{gamma}": cpnet(WINNER, gamma) for gamma in ("1e5", "2e5")}
-    shipped |= {
-        "cpnet-paper-g1e4": cpnet(WINNER, "1e4", SOONER),
-        "cpnet-paper-g1e4-long": cpnet(WINNER, "1e4"),
-    }
+    shipped |= {"cpnet-paper-g1e4": cpnet(WINNER, "1e4", SOONER), "cpnet-paper-g1e4-long": cpnet(WINNER, "1e4")}
     shipped["cpnet-paper-g1e5-whole"] = cpnet(WINNER, "1e5", loss="whole")
-    return {
-        **small,
-        **solvers,
-        **best,
-        "ldnet-paper": Run("ldnet", {"preset": "paper"}),
-        **controls,
-        **shipped,
-    }
+    return {**small, **solvers, **best, "ldnet-paper": Run("ldnet", {"preset": "paper"}), **controls, **shipped}
 
 
 def dbsnet(loss, steps, **sizes):
@@ -103,8 +79,7 @@ def main():
         train_one(options.one)
     elif commit().endswith("+changes"):
         sys.exit(
-            "the tree has changes that are not committed: weights must say what made them; "
-            "commit, or use a worktree"
+            "the tree has changes that are not committed: weights must say what made them; commit, or use a worktree"
         )
     else:
         train_side_by_side([name for name in chosen if not weights_of(name)], options.jobs)
@@ -112,17 +87,11 @@ def main():
 
 
 def read_options():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "--only", nargs="+", default=[""], help="beginnings of names (default: all)"
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", nargs="+", default=[""], help="beginnings of names (default: all)")
     parser.add_argument("--jobs", type=int, default=1, help="runs at a time (default: %(default)s)")
     parser.add_argument("--left", action="store_true", help="train nothing, print what is left")
-    parser.add_argument(
-        "--curves", type=Path, help="train nothing, write the logs to this JSON file"
-    )
+    parser.add_argument("--curves", type=Path, help="train nothing, write the logs to this JSON file")
     parser.add_argument("--one", choices=runs(), help=argparse.SUPPRESS)
     return parser.parse_args()
 
@@ -139,11 +108,7 @@ def train_side_by_side(names, jobs):
         for name, process in list(working.items()):
             if process.poll() is not None:
                 del working[name]
-                print(
-                    f"{name}: "
-                    f"{'done' if process.returncode == 0 else f'failed ({process.returncode})'}",
-                    flush=True,
-                )
+                print(f"{name}: {'done' if process.returncode == 0 else f'failed ({process.returncode})'}", flush=True)
         time.sleep(1)
 
 
@@ -155,9 +120,7 @@ def train_one(name):
     torch.set_num_threads(1)
     run = runs()[name]
     changes = {} if run.steps is None else {"steps": run.steps}
-    data = (
-        FOLDER.parent / "small" if "size" in run.config else None
-    )  # its sets have the names of the large ones
+    data = FOLDER.parent / "small" if "size" in run.config else None  # its sets have the names of the large ones
     run_training(run.network, run.config, run.gamma, FOLDER / name, data, **changes)
 
 
@@ -170,14 +133,9 @@ def show_left(chosen):
     """A line a run: steps done and to do, minutes so far, and about how many are left."""
     for name, run in chosen.items():
         rows, total = log_of(FOLDER / name), steps_of(run)
-        done, minutes = (
-            (int(rows[-1]["step"]), float(rows[-1]["seconds"]) / 60) if rows else (0, 0.0)
-        )
+        done, minutes = (int(rows[-1]["step"]), float(rows[-1]["seconds"]) / 60) if rows else (0, 0.0)
         left = f"about {minutes * (total - done) / done:.0f} min left" if done else "not begun"
-        print(
-            f"{name:32} {done:6} of {total:6} steps {minutes:6.0f} min  "
-            f"{'done' if weights_of(name) else left}"
-        )
+        print(f"{name:32} {done:6} of {total:6} steps {minutes:6.0f} min  {'done' if weights_of(name) else left}")
 
 
 def steps_of(run):
@@ -205,13 +163,8 @@ def write_curves(path):
         rows, weights = log_of(FOLDER / name), weights_of(name)
         if rows:
             config = json.loads((FOLDER / name / "config.json").read_text())
-            log = {
-                column: [float(f"{float(row[column]):.5g}") for row in rows] for column in rows[0]
-            }
-            curves[name] = config | {
-                "commit": read_weights(weights)[0]["commit"] if weights else None,
-                "log": log,
-            }
+            log = {column: [float(f"{float(row[column]):.5g}") for row in rows] for column in rows[0]}
+            curves[name] = config | {"commit": read_weights(weights)[0]["commit"] if weights else None, "log": log}
     write_measured("training", path, {name: curves[name] for name in runs() if name in curves})
 
 

@@ -8,7 +8,6 @@ mean |M(f(p)) - q|^2 + delta sum_c a_c sum_k w_k (I_c(x_k) - J_c(M f(x_k)))^2`.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Self
 
 import numpy as np
 from jaxtyping import Complex, Integer
@@ -55,7 +54,7 @@ class CertifiedMap:
     fallbacks: tuple
     switched: int
 
-    def with_messages(self, *messages: str) -> Self:
+    def with_messages(self, *messages: str) -> "CertifiedMap":
         """The same with more `fallbacks`."""
         return replace(self, fallbacks=(*self.fallbacks, *messages))
 

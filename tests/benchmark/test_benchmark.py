@@ -16,7 +16,6 @@ from pathlib import Path
 
 import pytest
 from distributed import Client, LocalCluster
-from subjects import shared
 from toys import broken, pair_of, shrunk, trial_of
 
 from qclearn.benchmark import run as module
@@ -28,6 +27,7 @@ from qclearn.benchmark.runs import FRONT, PEERS, RUNS, Run, check_runs, lacking,
 from qclearn.cli import main
 from qclearn.group import workers as connection
 from qclearn.group.workers import WorkersError
+from subjects import shared
 
 SIZE = 1000
 
@@ -50,12 +50,7 @@ def one_commit(monkeypatch):
 @pytest.fixture(scope="module")
 def client():
     """A scheduler with one worker inside this process, which starts at once."""
-    options = {
-        "n_workers": 1,
-        "threads_per_worker": 1,
-        "processes": False,
-        "dashboard_address": "127.0.0.1:0",
-    }
+    options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": "127.0.0.1:0"}
     with LocalCluster(**options) as cluster, Client(cluster) as client:
         yield client
 
@@ -77,22 +72,12 @@ def inside(client, monkeypatch):
 
 
 def small(out, folder, runs, **options):
-    options = {
-        "subjects": 2,
-        "vertices": SIZE,
-        "workers": 1,
-        "progress": False,
-        "methods": OWN,
-    } | options
+    options = {"subjects": 2, "vertices": SIZE, "workers": 1, "progress": False, "methods": OWN} | options
     return benchmark(out, runs=runs, folder=folder, **options)
 
 
 def test_a_method_of_ones_own_joins_and_a_broken_one_stops_nobody(tmp_path, folder, inside):
-    runs = [
-        Run("Möbius", "mobius_only"),
-        Run("mine", "shrunk", {"shift": 0.1}),
-        Run("broken", "broken"),
-    ]
+    runs = [Run("Möbius", "mobius_only"), Run("mine", "shrunk", {"shift": 0.1}), Run("broken", "broken")]
     results = small(tmp_path / "r.json", folder, runs)
     assert read_measured("benchmark", tmp_path / "r.json") == results
     assert {(row["pair"], row["run"]): row["status"] for row in results["rows"]} == {
@@ -124,9 +109,7 @@ def test_a_stopped_run_goes_on(tmp_path, folder, inside, monkeypatch):
     assert not out.exists()
     tasks = []
     monkeypatch.setattr(
-        module,
-        "finished",
-        lambda client, wanted, *rest: tasks.extend(wanted) or rows(client, wanted, *rest),
+        module, "finished", lambda client, wanted, *rest: tasks.extend(wanted) or rows(client, wanted, *rest)
     )
     results = small(out, folder, runs, subjects=1)
     assert len(tasks) == 1 and len(results["rows"]) == 2 and results["provenance"]["resumed"]
@@ -153,16 +136,7 @@ def cluster(tmp_path):
         return process
 
     place = tmp_path / "scheduler.json"
-    start(
-        "dask_scheduler",
-        "--host",
-        "127.0.0.1",
-        "--port",
-        "0",
-        "--no-dashboard",
-        "--scheduler-file",
-        str(place),
-    )
+    start("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(place))
     for _ in range(600):
         if place.exists() and place.read_text().strip():
             break
@@ -170,9 +144,7 @@ def cluster(tmp_path):
     address = json.loads(place.read_text())["address"]
     yield (
         address,
-        lambda *options: start(
-            "dask_worker", address, "--no-nanny", "--host", "127.0.0.1", "--no-dashboard", *options
-        ),
+        lambda *options: start("dask_worker", address, "--no-nanny", "--host", "127.0.0.1", "--no-dashboard", *options),
     )
     for process in processes:
         process.kill()
@@ -182,9 +154,7 @@ def cluster(tmp_path):
 def test_a_killed_worker_costs_only_its_task(tmp_path, folder, inside, cluster, monkeypatch):
     runs = [Run(f"mine {k}", "shrunk", {"shift": 0.02 * k}) for k in range(6)]
     (row,) = small(tmp_path / "a.json", folder, runs[:1], subjects=1)["rows"]
-    figures = {
-        name: row[name] for name in row if name not in ("set", "pair", "run", *asdict(runs[0]))
-    }
+    figures = {name: row[name] for name in row if name not in ("set", "pair", "run", *asdict(runs[0]))}
     monkeypatch.setattr(module, "trial", partial(trial_of, figures))
     monkeypatch.setattr(module, "submit_pair", lambda client, spec, _: client.submit(pair_of, spec))
     address, start_worker = cluster
@@ -201,15 +171,9 @@ def test_a_killed_worker_costs_only_its_task(tmp_path, folder, inside, cluster, 
     results = small(out, folder, runs, scheduler=address)
     killer.join(10)
     assert workers[0].wait(10) == -signal.SIGKILL and workers[1].poll() is None
-    found = {
-        (row["pair"], row["run"]): row["landmark_error"]
-        for row in results["rows"]
-        if row["status"] == "done"
-    }
+    found = {(row["pair"], row["run"]): row["landmark_error"] for row in results["rows"] if row["status"] == "done"}
     assert len(results["rows"]) == len(found) and found == {
-        (f"{seed} to 2001", run.name): seed + run.parameters["shift"]
-        for seed in (1001, 1002)
-        for run in runs
+        (f"{seed} to 2001", run.name): seed + run.parameters["shift"] for seed in (1001, 1002) for run in runs
     }
 
 
@@ -255,14 +219,8 @@ def test_an_unreachable_scheduler_is_named(tmp_path, folder, monkeypatch, addres
     "run, message",
     [
         (Run("a", "magic"), "there is no method 'magic'; there are mobius_only, harmonic"),
-        (
-            Run("a", "harmonic", {"lambda": 1}),
-            "harmonic has no parameter lambda; it has weight, correct",
-        ),
-        (
-            Run("a", "mobius_only", {"weight": 1}),
-            "mobius_only has no parameter weight; it has none",
-        ),
+        (Run("a", "harmonic", {"lambda": 1}), "harmonic has no parameter lambda; it has weight, correct"),
+        (Run("a", "mobius_only", {"weight": 1}), "mobius_only has no parameter weight; it has none"),
         (Run("a", "harmonic", landmarks="guessed"), "no landmarks 'guessed'"),
         (Run("a", "harmonic", sets=("cohort", "mars")), "sets some of cohort, displacement"),
     ],
@@ -294,24 +252,14 @@ def test_other_counts_and_sets_are_refused(subjects, sets, message):
 
 def test_the_sets_problems():
     specs = problems(3, ["cohort", "displacement", "fsaverage5"])
-    assert [spec.pair for spec in specs if spec.set == "cohort"] == [
-        f"{seed} to 2001" for seed in (1001, 1002, 1003)
-    ]
-    assert {spec.options[0] for spec in specs if spec.set == "displacement"} == {
-        0.05,
-        0.1,
-        0.2,
-        0.3,
-        0.4,
-    }
+    assert [spec.pair for spec in specs if spec.set == "cohort"] == [f"{seed} to 2001" for seed in (1001, 1002, 1003)]
+    assert {spec.options[0] for spec in specs if spec.set == "displacement"} == {0.05, 0.1, 0.2, 0.3, 0.4}
     assert len({(spec.set, spec.pair) for spec in specs}) == len(specs) == 14
 
 
 def test_every_run_of_the_table_is_known_and_every_method_has_one():
     check_runs(RUNS + FRONT + PEERS, METHODS)
-    assert {run.method for run in RUNS + PEERS} == set(METHODS) - {
-        "program"
-    }  # whose command line a reader gives
+    assert {run.method for run in RUNS + PEERS} == set(METHODS) - {"program"}  # whose command line a reader gives
 
 
 def test_runs_whose_networks_are_missing_say_why(monkeypatch):
@@ -400,15 +348,11 @@ def test_the_command_writes_the_file_and_prints_a_table(tmp_path, folder, capsys
     assert "broken, 1001 to 2001: " in printed and "0/1" in printed
     rows = {row["run"]: row for row in read_measured("benchmark", out)["rows"]}
     assert rows["harmonic:weight=5"]["landmark_error"] < rows["mobius_only"]["landmark_error"]
-    assert (
-        rows["mobius_only"]["correspondence_sulci_mm"] > 0 and rows["mobius_only"]["floor_mm"] > 0
-    )
+    assert rows["mobius_only"]["correspondence_sulci_mm"] > 0 and rows["mobius_only"]["floor_mm"] > 0
 
 
 def test_methods_have_defaults_for_all_parameters():
     for name, method in METHODS.items():
         parameters = list(inspect.signature(method).parameters.values())
         assert parameters[0].name == "problem", name
-        assert all(
-            parameter.default is not inspect.Parameter.empty for parameter in parameters[1:]
-        ), name
+        assert all(parameter.default is not inspect.Parameter.empty for parameter in parameters[1:]), name

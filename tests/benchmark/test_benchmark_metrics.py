@@ -26,9 +26,7 @@ def flat(z):
 
 def test_coefficients_count_by_face_by_disk_and_by_surface():
     surface = Surface(flat(np.array([0, 2, 2 + 1j, 4j])), FACES)  # areas 1 and 4
-    found = coefficient_measures(
-        surface, Disk([0, 2, 2 + 1j, 3j], FACES), np.array([0.1j, -0.6])
-    )  # areas 1 and 3
+    found = coefficient_measures(surface, Disk([0, 2, 2 + 1j, 3j], FACES), np.array([0.1j, -0.6]))  # areas 1 and 3
     assert found["mean_abs_mu"] == pytest.approx(0.35) and found["sd_abs_mu"] == pytest.approx(0.25)
     assert found["max_abs_mu"] == 0.6 and found["p95_abs_mu"] == pytest.approx(0.1 + 0.95 * 0.5)
     assert found["mean_abs_mu_disk"] == pytest.approx((0.1 + 3 * 0.6) / 4)
@@ -42,16 +40,9 @@ def test_the_histogram_counts_every_face_and_folded_ones_last():
 
 
 def test_landmark_errors_have_mean_and_spread():
-    found = landmark_measures(
-        np.array([0.1, 0.2j]), np.array([0.1 + 0.1j, 0.5j]), np.array([1.0, 5.0])
-    )
+    found = landmark_measures(np.array([0.1, 0.2j]), np.array([0.1 + 0.1j, 0.5j]), np.array([1.0, 5.0]))
     assert found == pytest.approx(
-        {
-            "landmark_error": 0.2,
-            "sd_landmark_error": 0.1,
-            "landmark_error_mm": 3.0,
-            "sd_landmark_error_mm": 2.0,
-        }
+        {"landmark_error": 0.2, "sd_landmark_error": 0.1, "landmark_error_mm": 3.0, "sd_landmark_error_mm": 2.0}
     )
 
 
@@ -74,17 +65,13 @@ def test_nearness_is_measured_along_edges():
     surface = Surface(flat(z), faces)
     near = near_curves(surface, [np.array([0]), np.array([1 + 7 * 24, 2 + 7 * 24])], 0.3)
     ring = np.concatenate([[0], np.repeat(np.arange(1, 9), 24)])
-    assert (
-        near[ring <= 2].all() and not near[(ring > 2) & (z.real < 0)].any()
-    )  # 0.3 is two rings of width 1/8
+    assert near[ring <= 2].all() and not near[(ring > 2) & (z.real < 0)].any()  # 0.3 is two rings of width 1/8
     assert near[1 + 7 * 24] and near[1 + 5 * 24] and not near[1 + 4 * 24]
     assert not near[abs(z + 1) < 1e-9].any()
 
 
 def test_a_similarity_distorts_nothing():
-    surface = Surface(
-        flat(np.append(SQUARE, 1 + 0.4j)), [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
-    )
+    surface = Surface(flat(np.append(SQUARE, 1 + 0.4j)), [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
     found = distortion_measures(surface, 3 * surface.vertices[:, [1, 2, 0]] + 5)
     assert found == pytest.approx({"angle_distortion": 0, "area_distortion": 0}, abs=1e-9)
 
@@ -93,9 +80,7 @@ def test_distortion_by_hand():
     surface = Surface(flat(np.array([0, 1, 1 + 1j, 1j])), FACES)
     # The first triangle keeps its angles (90, 45, 45); the second gets a right angle and 60, 30: 15
     # degrees twice.
-    apex = np.sqrt(2) / 2 * np.exp(1j * np.pi / 4) + np.sqrt(2) / 2 * np.exp(
-        1j * (np.pi / 4 + np.pi / 3)
-    )
+    apex = np.sqrt(2) / 2 * np.exp(1j * np.pi / 4) + np.sqrt(2) / 2 * np.exp(1j * (np.pi / 4 + np.pi / 3))
     points = flat(np.array([0, 1, 1 + 1j, apex]))
     ratio = np.array([0.5, np.sqrt(3) / 4]) / (0.5 + np.sqrt(3) / 4) * 2
     found = distortion_measures(surface, points)

@@ -6,14 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from qclearn.benchmark.measured import (
-    RESULTS,
-    WRITERS,
-    BenchmarkError,
-    as_text,
-    read_measured,
-    write_measured,
-)
+from qclearn.benchmark.measured import RESULTS, WRITERS, BenchmarkError, as_text, read_measured, write_measured
 
 
 @pytest.fixture(scope="module")
@@ -34,9 +27,7 @@ def test_a_file_and_the_program_that_writes_it_are_named_for_each_other():
     for name, writer in WRITERS.items():
         assert writer.startswith("qclearn benchmark") or (root / writer).is_file()
         assert name in (root / "book/studies/README.md").read_text()
-    assert {
-        Path(WRITERS[name]).stem for name in ("scaling", "suspect", "template", "training")
-    } <= set(WRITERS)
+    assert {Path(WRITERS[name]).stem for name in ("scaling", "suspect", "template", "training")} <= set(WRITERS)
 
 
 @pytest.mark.parametrize("name", WRITERS)
@@ -53,14 +44,9 @@ def test_kept_figures_were_measured_on_a_committed_tree(name):
 
 def test_figures_are_written_as_python_has_them(figures, tmp_path):
     """Tuples of a configuration and NumPy's numbers become what JSON knows."""
-    cpnet = figures["cpnet"] | {
-        "ranges": {name: tuple(pair) for name, pair in figures["cpnet"]["ranges"].items()}
-    }
+    cpnet = figures["cpnet"] | {"ranges": {name: tuple(pair) for name, pair in figures["cpnet"]["ranges"].items()}}
     displacement = np.float64(figures["dbsnet"]["mean_displacement"])
-    measured = figures | {
-        "cpnet": cpnet,
-        "dbsnet": figures["dbsnet"] | {"mean_displacement": displacement},
-    }
+    measured = figures | {"cpnet": cpnet, "dbsnet": figures["dbsnet"] | {"mean_displacement": displacement}}
     write_measured("networks", tmp_path / "networks.json", measured)
     assert read_measured("networks", tmp_path / "networks.json") == figures
 
@@ -74,14 +60,10 @@ def test_figures_are_written_as_python_has_them(figures, tmp_path):
         ("polar", "speed", 1.0, r"\$.polar"),
     ],
 )
-def test_figures_that_do_not_fit_are_refused_where_they_stand(
-    figures, part, key, value, place, tmp_path
-):
+def test_figures_that_do_not_fit_are_refused_where_they_stand(figures, part, key, value, place, tmp_path):
     path = tmp_path / "networks.json"
     wrong = figures | {part: figures[part] | {key: value}}
-    with pytest.raises(
-        BenchmarkError, match=f"{place}: .*; run `book/studies/evaluate_networks.py` again"
-    ):
+    with pytest.raises(BenchmarkError, match=f"{place}: .*; run `book/studies/evaluate_networks.py` again"):
         write_measured("networks", path, wrong)
     assert not path.exists()
     path.write_text(json.dumps(wrong))
@@ -90,28 +72,18 @@ def test_figures_that_do_not_fit_are_refused_where_they_stand(
 
 
 @pytest.mark.parametrize(
-    "name, key",
-    [
-        ("scaling", "seconds"),
-        ("suspect", "cases"),
-        ("template", "provenance"),
-        ("weights", "table"),
-    ],
+    "name, key", [("scaling", "seconds"), ("suspect", "cases"), ("template", "provenance"), ("weights", "table")]
 )
 def test_other_figures_that_lack_something_are_refused(name, key, tmp_path):
     figures = read_measured(name)
     del figures[key]
-    with pytest.raises(
-        BenchmarkError,
-        match=f"'{key}' is a required property; run `book/studies/.*{name}.py` again",
-    ):
+    with pytest.raises(BenchmarkError, match=f"'{key}' is a required property; run `book/studies/.*{name}.py` again"):
         write_measured(name, tmp_path / f"{name}.json", figures)
 
 
 def test_what_is_no_json_is_refused(tmp_path):
     (tmp_path / "networks.json").write_text('{"polar": ')
     with pytest.raises(
-        BenchmarkError,
-        match=r"not a JSON file .*; give a file that `book/studies/evaluate_networks.py` wrote",
+        BenchmarkError, match=r"not a JSON file .*; give a file that `book/studies/evaluate_networks.py` wrote"
     ):
         read_measured("networks", tmp_path / "networks.json")

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from meshes import boundary_loop
 
+from meshes import boundary_loop
 from qclearn.benchmark import Run
 from qclearn.benchmark.cortex import conte69_pair, heldout_pair, other_mesh, warp_pair, warped
 from qclearn.benchmark.methods import METHODS
@@ -50,23 +50,14 @@ def known(sides):
     unknown = values.copy()
     unknown[:50] = np.nan
     return conte69_pair(
-        (moving, control, {"myelin": (unknown, values), "noise": (values, np.cos(1e4 * values))}),
-        "all",
+        (moving, control, {"myelin": (unknown, values), "noise": (values, np.cos(1e4 * values))}), "all"
     )
 
 
 def test_half_of_the_curves_take_no_part(sides, pair):
     other = heldout_pair(*sides, "second half")
-    assert (
-        [curve["name"] for curve in pair.curves]
-        == ["spoke 0", "spoke 2"]
-        == [c["name"] for c in other.held]
-    )
-    assert (
-        [curve["name"] for curve in pair.held]
-        == ["spoke 1", "spoke 3"]
-        == [c["name"] for c in other.curves]
-    )
+    assert [curve["name"] for curve in pair.curves] == ["spoke 0", "spoke 2"] == [c["name"] for c in other.held]
+    assert [curve["name"] for curve in pair.held] == ["spoke 1", "spoke 3"] == [c["name"] for c in other.curves]
     assert len(prepare(pair).problem.moving) == 20
 
 
@@ -92,16 +83,10 @@ def truth_or_back(pair, problem):
 def test_there_and_back_is_the_identity_of_a_map_and_its_inverse(pair):
     exact = trial(pair, Run("truth", "truth"), lambda problem: truth_or_back(pair, problem))
     assert exact["there_and_back_mm"] < 1e-2  # rim points are set in a little
-    turned = trial(
-        pair, Run("turned", "turned"), lambda problem: truth_or_back(pair, problem) * np.exp(0.1j)
-    )
+    turned = trial(pair, Run("turned", "turned"), lambda problem: truth_or_back(pair, problem) * np.exp(0.1j))
     assert 2 < turned["there_and_back_mm"] < 15  # turned by 0.2 at radii up to 50 mm
     back = reverse(pair)
-    assert (
-        back.moving is pair.control
-        and back.curves[0]["moving"] == pair.curves[0]["control"]
-        and not back.held
-    )
+    assert back.moving is pair.control and back.curves[0]["moving"] == pair.curves[0]["control"] and not back.held
 
 
 def test_each_repetition_begins_with_nothing_known_of_the_disks(pair):
@@ -114,9 +99,7 @@ def test_each_repetition_begins_with_nothing_known_of_the_disks(pair):
         return truth_or_back(pair, problem)
 
     row = trial(replace(pair, there_and_back=False), Run("noted", "noted"), note)
-    assert len(known) == 3 * row["repetitions"] > 3 and all(
-        found == {"z", "faces"} for found in known
-    )
+    assert len(known) == 3 * row["repetitions"] > 3 and all(found == {"z", "faces"} for found in known)
 
 
 def test_folds_lead_where_landmarks_do_not_reach(pair):
@@ -141,10 +124,7 @@ def test_methods_of_folds_say_that_they_need_the_surfaces():
 
 def test_a_method_without_landmarks_is_not_given_the_disk_that_they_aligned(pair):
     problem = prepare(pair).problem
-    assert (
-        problem.sides.moving.disk is pair.moving.disk
-        and abs(problem.disk.z - pair.moving.disk.z).max() > 0.01
-    )
+    assert problem.sides.moving.disk is pair.moving.disk and abs(problem.disk.z - pair.moving.disk.z).max() > 0.01
 
 
 def test_maps_that_took_no_part_are_compared_where_they_are_known(known):
@@ -152,14 +132,9 @@ def test_maps_that_took_no_part_are_compared_where_they_are_known(known):
     assert row["correspondence_mm"] < 1e-2 and row["held_out"] is None
     assert row["r_maps"]["myelin"] > 0.999 and abs(row["r_maps"]["noise"]) < 0.2
     assert row["true_r_maps"] == pytest.approx(row["r_maps"], abs=1e-3)
-    assert (
-        row["r_depth"] == pytest.approx(row["true_r_depth"], abs=1e-3)
-        and row["true_r_curvature"] > 0.9
-    )
+    assert row["r_depth"] == pytest.approx(row["true_r_depth"], abs=1e-3) and row["true_r_curvature"] > 0.9
     assert row["log2_shape"] == pytest.approx(row["true_log2_shape"], rel=1e-2)
-    assert (
-        row["p95_log2_shape"] > row["log2_shape"] > row["log2_area"] > 0
-    )  # a twist keeps areas of the plan
+    assert row["p95_log2_shape"] > row["log2_shape"] > row["log2_area"] > 0  # a twist keeps areas of the plan
 
 
 def test_another_mesh_carries_the_same_surface(sides):
@@ -168,14 +143,10 @@ def test_another_mesh_carries_the_same_surface(sides):
     faces, weights, curves = other_mesh(control)
     z, place = weights @ control.disk.z, weights @ surface.vertices
     np.testing.assert_allclose(weights.sum(1), 1)
-    np.testing.assert_allclose(
-        z[boundary_loop(faces)], np.roll(control.disk.z[surface.boundary], 0), atol=1e-12
-    )
+    np.testing.assert_allclose(z[boundary_loop(faces)], np.roll(control.disk.z[surface.boundary], 0), atol=1e-12)
     for name, path in curves.items():
         np.testing.assert_allclose(place[path], surface.vertices[surface.curves[name]], atol=1e-12)
-    there = {
-        frozenset(map(tuple, corners)) for corners in np.round(surface.vertices[surface.faces], 6)
-    }
+    there = {frozenset(map(tuple, corners)) for corners in np.round(surface.vertices[surface.faces], 6)}
     here = {frozenset(map(tuple, corners)) for corners in np.round(place[faces], 6)}
     assert len(here & there) < 0.05 * len(here)  # but for a few at the rim all triangles are new
     assert Surface(place, faces).area == pytest.approx(surface.area, rel=0.05)

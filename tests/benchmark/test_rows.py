@@ -58,14 +58,7 @@ PROVENANCE = {
 
 def row(pair="a", run="one", **figures):
     """A failed row, or a done one if it has figures: those not given are 0."""
-    base = {
-        "set": "cohort",
-        "pair": pair,
-        "run": run,
-        "method": "harmonic",
-        "parameters": {},
-        "landmarks": "given",
-    }
+    base = {"set": "cohort", "pair": pair, "run": run, "method": "harmonic", "parameters": {}, "landmarks": "given"}
     if not figures:
         return base | {"status": "failed", "message": "it broke"}
     stages = ("disk_moving", "disk_control", "landmarks", "map", "pull_back")
@@ -98,9 +91,7 @@ def test_rows_are_on_disk_at_once_and_become_a_results_file_that_is_read_again(o
     assert not out.exists()
     journal.append(row("a"))
     results = journal.finish(PROVENANCE)
-    assert read_measured("benchmark", out) == results and [
-        entry["pair"] for entry in results["rows"]
-    ] == ["a", "b"]
+    assert read_measured("benchmark", out) == results and [entry["pair"] for entry in results["rows"]] == ["a", "b"]
     assert not journal.checkpoint.path.exists()
 
 
@@ -127,9 +118,7 @@ def test_a_journal_of_other_settings_is_refused(out, changed):
 def test_what_is_no_journal_is_refused_and_left_alone(out):
     notes = Path(f"{out}.partial")
     notes.write_text("my notes\n")
-    with pytest.raises(
-        BenchmarkError, match="partial: cannot be used .File exists.; give another folder"
-    ):
+    with pytest.raises(BenchmarkError, match="partial: cannot be used .File exists.; give another folder"):
         Journal(out, SETTINGS)
     assert notes.read_text() == "my notes\n"
     notes.unlink()
@@ -147,9 +136,7 @@ def test_a_disk_that_fills_leaves_no_half_of_a_row(out, monkeypatch):
     journal = Journal(out, SETTINGS)
     before = os.listdir(journal.checkpoint.path)
     monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.raises(
-        BenchmarkError, match="row-.*json: .*free.*what was finished is kept: run it again to go on"
-    ):
+    with pytest.raises(BenchmarkError, match="row-.*json: .*free.*what was finished is kept: run it again to go on"):
         journal.append(row())
     assert os.listdir(journal.checkpoint.path) == before
 
@@ -161,10 +148,7 @@ def test_a_disk_that_fills_leaves_no_half_of_a_row(out, monkeypatch):
         ("{", "not a JSON file"),
         ("[1]", "no results of this program"),
         ('{"schema_version": 99}', "schema version 99; this version reads 2"),
-        (
-            '{"schema_version": 2}',
-            r"not a valid results file: \$: 'settings' is a required property",
-        ),
+        ('{"schema_version": 2}', r"not a valid results file: \$: 'settings' is a required property"),
     ],
 )
 def test_other_files_are_refused(out, content, message):
@@ -186,17 +170,7 @@ def test_the_schema_refuses_rows_without_their_figures(out):
 
 def test_every_field_of_the_schema_is_described():
     figures = schema()["properties"]["rows"]["items"]["properties"]
-    own = {
-        "set",
-        "pair",
-        "run",
-        "method",
-        "parameters",
-        "landmarks",
-        "status",
-        "message",
-        "seconds",
-    }
+    own = {"set", "pair", "run", "method", "parameters", "landmarks", "status", "message", "seconds"}
     assert {name for name, entry in figures.items() if "description" not in entry} <= own
 
 
@@ -215,25 +189,15 @@ def test_means_are_over_the_pairs_that_have_a_figure():
         row("a", "two"),
     ]
     table = summary(rows)
-    assert (
-        table["one"]["pairs"] == 4
-        and table["one"]["failed"] == 1
-        and table["one"]["certified"] == 2
-    )
+    assert table["one"]["pairs"] == 4 and table["one"]["failed"] == 1 and table["one"]["certified"] == 2
     assert table["one"]["landmark_error"] == pytest.approx(0.3)
     assert table["one"]["sd_of_landmark_error"] == pytest.approx(0.1 * np.sqrt(2 / 3))
     assert table["one"]["seconds"] == table["one"]["stages"]["map"] == 2.0
     assert table["two"]["seconds"] is None and table["two"]["landmark_error"] is None
-    assert (
-        table["one"]["sd_landmark_error"] == 0
-    )  # over landmarks, a figure of its own; not that over pairs
+    assert table["one"]["sd_landmark_error"] == 0  # over landmarks, a figure of its own; not that over pairs
     assert "certified" not in [key for key in table["two"] if table["two"][key] is None]
     found = column(rows, "one", "correspondence_sulci_mm")
-    assert (
-        list(found) == ["a", "b", "c", "d"]
-        and np.isnan([found["c"], found["d"]]).all()
-        and found["a"] == 0
-    )
+    assert list(found) == ["a", "b", "c", "d"] and np.isnan([found["c"], found["d"]]).all() and found["a"] == 0
 
 
 def test_a_front_is_compared_at_the_baselines_distortion():
@@ -242,15 +206,9 @@ def test_a_front_is_compared_at_the_baselines_distortion():
     between = (1e-2 + 1e-4) / 2
     assert front_ratio(rows, ["one", "two"], "base") == {"a": pytest.approx(between / 2e-3)}
     beaten = row("a", "three", mean_abs_mu=0.15, landmark_error=0.02)
-    assert front_ratio([*rows, beaten], ["one", "two", "three"], "base") == {
-        "a": pytest.approx(between / 2e-3)
-    }
-    assert front_ratio(rows, ["one"], "base") == {
-        "a": pytest.approx(1e-2 / 2e-3)
-    }  # held beyond the last point
-    assert np.isnan(
-        front_ratio(rows, ["two"], "base")["a"]
-    )  # its least distortion is more than the baseline's
+    assert front_ratio([*rows, beaten], ["one", "two", "three"], "base") == {"a": pytest.approx(between / 2e-3)}
+    assert front_ratio(rows, ["one"], "base") == {"a": pytest.approx(1e-2 / 2e-3)}  # held beyond the last point
+    assert np.isnan(front_ratio(rows, ["two"], "base")["a"])  # its least distortion is more than the baseline's
     rows[1]["certified"] = False
     assert front_ratio(rows, ["one", "two"], "base") == {"a": pytest.approx(1e-2 / 2e-3)}
     rows[2]["certified"] = False
@@ -267,15 +225,9 @@ def test_fronts_are_ahead_behind_or_level_by_their_interval():
 
     found = {
         state: compare_fronts(rows_of(factors), ["fit"], "base", np.random.default_rng(0))
-        for state, factors in (
-            ("ahead", (0.5, 0.6, 0.5, 0.4)),
-            ("behind", (2, 3, 2, 2)),
-            ("level", (0.5, 2, 1, 1)),
-        )
+        for state, factors in (("ahead", (0.5, 0.6, 0.5, 0.4)), ("behind", (2, 3, 2, 2)), ("level", (0.5, 2, 1, 1)))
     }
-    assert {state: line["state"] for state, line in found.items()} == {
-        state: state for state in found
-    }
+    assert {state: line["state"] for state, line in found.items()} == {state: state for state in found}
     assert found["behind"]["ratio"] == pytest.approx(24**0.25) and found["ahead"]["won"] == 4
     assert found["level"]["low"] < 1 < found["level"]["high"] and found["level"]["won"] == 1
     nobody = compare_fronts([row("a", "fit")], ["fit"], "base", np.random.default_rng(0))
@@ -324,11 +276,7 @@ def test_the_kept_results_hold_every_run_on_every_subject():
     assert results["settings"]["commit"].isalnum()  # of files that were committed as they were run
     for name in (run.name for run in RUNS_OF_THE_BENCHMARK + FRONT if "cohort" in run.sets):
         assert len(column(rows, name, "landmark_error")) == results["settings"]["subjects"] >= 12
-    fits = [
-        entry
-        for entry in results["rows"]
-        if entry["method"] in ("gauss_newton", "cpnet_steps", "guarded")
-    ]
+    fits = [entry for entry in results["rows"] if entry["method"] in ("gauss_newton", "cpnet_steps", "guarded")]
     assert all(entry["status"] == "done" and entry["certified"] for entry in fits)
 
 

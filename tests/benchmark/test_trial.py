@@ -29,8 +29,7 @@ def dome(height=1.0, turn=0.0, power=1.0):
     curves = dict(zip(("first", "second"), spokes)) | {"third": 1 + SPOKES * 6 + np.arange(28, 38)}
     template = np.stack([z.real, z.imag, 1.2 - abs(z) ** 2], 1)
     return replace(
-        mapped(Surface(vertices, faces, curves)),
-        template=template / np.linalg.norm(template, axis=1, keepdims=True),
+        mapped(Surface(vertices, faces, curves)), template=template / np.linalg.norm(template, axis=1, keepdims=True)
     )
 
 
@@ -52,19 +51,14 @@ def test_the_true_map_of_a_pair_is_the_templates(pair):
 
 def test_landmarks_are_the_curves_matched_by_arc_length_or_their_true_images(pair):
     given, exact = prepare(pair), prepare(pair, "exact")
-    assert (
-        len(given.problem.moving) == 30
-        and given.problem.curve.tolist() == np.repeat(range(3), 10).tolist()
-    )
+    assert len(given.problem.moving) == 30 and given.problem.curve.tolist() == np.repeat(range(3), 10).tolist()
     ends = [0, 9, 10, 19]
     np.testing.assert_allclose(given.target[ends], exact.target[ends], atol=1e-9)
     assert abs(given.target - exact.target).max() > 1e-3  # between the ends the arc lengths differ
     np.testing.assert_allclose(exact.target, exact.samples @ pair.truth_disk)
     np.testing.assert_allclose(
         given.target_mm[ends],
-        pair.control.surface.vertices[
-            [curve["control"][k] for curve in pair.curves[:2] for k in (0, -1)]
-        ],
+        pair.control.surface.vertices[[curve["control"][k] for curve in pair.curves[:2] for k in (0, -1)]],
         atol=1e-9,
     )
 
@@ -105,17 +99,9 @@ def test_the_true_map_is_measured_as_one(pair):
     row = trial(pair, Run("truth", "mine", landmarks="exact"), lambda problem: pair.truth_disk)
     assert row["status"] == "done"
     assert row["landmark_error"] < 1e-12 and row["landmark_error_mm"] < 1e-9
-    assert (
-        row["correspondence_mm"] < 1e-3 and row["correspondence_sulci_mm"] < 1e-9
-    )  # rim points are set in by 1e-4
-    assert (
-        row["certified"]
-        and row["flipped"] == 0
-        and sum(row["histogram"]) == len(pair.moving.surface.faces)
-    )
-    assert (
-        row["landmark_error_true"] > 1e-4
-    )  # between their ends the curves' arc lengths do not correspond
+    assert row["correspondence_mm"] < 1e-3 and row["correspondence_sulci_mm"] < 1e-9  # rim points are set in by 1e-4
+    assert row["certified"] and row["flipped"] == 0 and sum(row["histogram"]) == len(pair.moving.surface.faces)
+    assert row["landmark_error_true"] > 1e-4  # between their ends the curves' arc lengths do not correspond
     assert (
         0 < row["floor_curve_mm"] < row["floor_mm"] < 5
     )  # curves correspond as sets, up to their shape between vertices
@@ -123,24 +109,17 @@ def test_the_true_map_is_measured_as_one(pair):
 
 def test_a_radius_is_judged_where_it_is_asked_for_and_the_truth_is_known(pair, monkeypatch):
     def far(moving, control, curves, **settings):
-        assert settings == {"uncertainty": True, "features": None, "gamma": 1e4} and curves == list(
-            pair.curves
-        )
+        assert settings == {"uncertainty": True, "features": None, "gamma": 1e4} and curves == list(pair.curves)
         radius = np.arange(1.0, len(pair.truth) + 1)
         off = np.where(np.arange(len(radius)) % 4, 0.5, 2.0) * radius
         return SimpleNamespace(points=pair.truth + off[:, None] * [1, 0, 0], uncertainty=radius)
 
     monkeypatch.setattr("qclearn.benchmark.trial.register", far)
     run = Run("fit", "gauss_newton", {"gamma": 1e4}, uncertainty=True)
-    inside = np.average(
-        np.arange(len(pair.truth)) % 4 > 0, weights=pair.moving.surface.vertex_areas
-    )
+    inside = np.average(np.arange(len(pair.truth)) % 4 > 0, weights=pair.moving.surface.vertex_areas)
     found = judge_radius(pair, run)
     assert found["coverage"] == pytest.approx(inside) and 0.5 < found["rank"] < 0.9
-    for other, problem in (
-        (replace(run, uncertainty=False), pair),
-        (run, replace(pair, truth=None)),
-    ):
+    for other, problem in ((replace(run, uncertainty=False), pair), (run, replace(pair, truth=None))):
         assert judge_radius(problem, other) == {"coverage": None, "rank": None}
 
 
@@ -177,13 +156,8 @@ def test_a_method_that_fails_gives_a_row_that_says_so(pair, method, message):
 
 
 def test_times_are_medians_of_warm_repetitions_and_notes_are_kept(pair, monkeypatch):
-    clock, durations = (
-        [0.0],
-        [0.5, 0.25, 0.125],
-    )  # a clock of our own, and what the three repetitions take by it
-    monkeypatch.setattr(
-        "qclearn.benchmark.trial.time", SimpleNamespace(perf_counter=lambda: clock[0])
-    )
+    clock, durations = ([0.0], [0.5, 0.25, 0.125])  # a clock of our own, and what the three repetitions take by it
+    monkeypatch.setattr("qclearn.benchmark.trial.time", SimpleNamespace(perf_counter=lambda: clock[0]))
 
     def slow_at_first(problem):
         clock[0] += durations.pop(0)
@@ -196,17 +170,13 @@ def test_times_are_medians_of_warm_repetitions_and_notes_are_kept(pair, monkeypa
     assert row["seconds"]["disk_moving"] == pair.moving.seconds
 
 
-@pytest.mark.parametrize(
-    "pieces", [1, 20_000]
-)  # small ones are kept by the allocator from one repetition to the next
+@pytest.mark.parametrize("pieces", [1, 20_000])  # small ones are kept by the allocator from one repetition to the next
 def test_memory_that_a_method_takes_is_seen(pair, pieces):
     def large(problem):
         [np.ones(20_000_000 // pieces) for _ in range(pieces)]
         return problem.disk.z
 
-    rows = [
-        trial(pair, Run("any", "any"), method) for method in (lambda problem: problem.disk.z, large)
-    ]
+    rows = [trial(pair, Run("any", "any"), method) for method in (lambda problem: problem.disk.z, large)]
     nothing, much = (row["peak_memory_mb"] for row in rows)
     assert much is None or nothing < much / 2
 
@@ -219,10 +189,7 @@ def test_a_field_is_kept_on_the_controls_disk(pair):
 
 def test_methods_beat_the_floor_of_conformal_alignment_where_landmarks_are_exact(pair):
     rows = {
-        name: trial(pair, Run(name, name, landmarks="exact"), METHODS[name])
-        for name in ("mobius_only", "harmonic")
+        name: trial(pair, Run(name, name, landmarks="exact"), METHODS[name]) for name in ("mobius_only", "harmonic")
     }
     assert rows["harmonic"]["landmark_error"] < rows["mobius_only"]["landmark_error"]
-    assert (
-        rows["harmonic"]["correspondence_sulci_mm"] < rows["mobius_only"]["correspondence_sulci_mm"]
-    )
+    assert rows["harmonic"]["correspondence_sulci_mm"] < rows["mobius_only"]["correspondence_sulci_mm"]

@@ -2,16 +2,7 @@
 
 import pytest
 
-from qclearn.benchmark import (
-    compared,
-    failures,
-    judge_all,
-    judge_bound,
-    judge_order,
-    judge_ratio,
-    judge_size,
-    side,
-)
+from qclearn.benchmark import compared, failures, judge_all, judge_bound, judge_order, judge_ratio, judge_size, side
 from qclearn.benchmark.verdicts import judge_start
 
 
@@ -53,11 +44,7 @@ def test_an_order_breaks_with_one_pair():
 def test_a_bound_is_a_bound():
     assert judge_bound(0.9, 0.95) == "agrees"
     assert judge_bound(0.9, 0.66) == "does not hold"
-    assert [judge_all(12, 12), judge_all(11, 12), judge_all(0, 0)] == [
-        "agrees",
-        "does not hold",
-        "does not hold",
-    ]
+    assert [judge_all(12, 12), judge_all(11, 12), judge_all(0, 0)] == ["agrees", "does not hold", "does not hold"]
 
 
 def test_an_interval_and_a_pair_have_a_side():
@@ -77,9 +64,7 @@ def test_an_interval_and_a_pair_have_a_side():
     ],
 )
 def test_a_map_that_ends_farther_than_it_began_has_failed(truth, curves, verdict):
-    row, start = (
-        {"correspondence_mm": a, "held_out_mm": b, "pair": "p"} for a, b in zip(truth, curves)
-    )
+    row, start = ({"correspondence_mm": a, "held_out_mm": b, "pair": "p"} for a, b in zip(truth, curves))
     assert judge_start(row, start) == verdict
     rows = [row | {"run": "mine"}, start | {"run": "rotation"}]
     assert failures(rows, "mine") == ["p"] * bool(verdict) and failures(rows[:1], "mine") == []

@@ -61,9 +61,7 @@ def typed_results(text, literals):
     unused = [phrase for phrase in literals if phrase not in text]
     for phrase in sorted(literals, key=len, reverse=True):
         text = text.replace(phrase, MASK)
-    return [
-        text[max(0, match.start() - 30) : match.end() + 20] for match in RESULT.finditer(text)
-    ], unused
+    return [text[max(0, match.start() - 30) : match.end() + 20] for match in RESULT.finditer(text)], unused
 
 
 def pages(book):

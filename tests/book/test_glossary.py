@@ -41,9 +41,7 @@ def forms():
 
 
 def pattern_of(found):
-    alternatives = "|".join(
-        re.escape(form).replace(r"\ ", r"\s+") for form in sorted(found, key=len, reverse=True)
-    )
+    alternatives = "|".join(re.escape(form).replace(r"\ ", r"\s+") for form in sorted(found, key=len, reverse=True))
     return re.compile(rf"(?<![\w-])({alternatives})(?:e?s)?(?![\w-])", re.IGNORECASE)
 
 
@@ -58,17 +56,10 @@ def uses(text, found, pattern):
     """(place, words, name of the term, name that its link leads to or None) in the order of the
     text."""
     prose = prose_of(text)
-    links = {
-        match.start(1) + i: match[2] for match in LINK.finditer(prose) for i in range(len(match[1]))
-    }
+    links = {match.start(1) + i: match[2] for match in LINK.finditer(prose) for i in range(len(match[1]))}
     prose = LINK.sub(lambda match: f" {match[1]}".ljust(len(match[0])), prose)
     for match in pattern.finditer(prose):
-        yield (
-            match.start(),
-            match[0],
-            found[" ".join(match[1].lower().split())],
-            links.get(match.start()),
-        )
+        yield (match.start(), match[0], found[" ".join(match[1].lower().split())], links.get(match.start()))
 
 
 def first_uses():
@@ -92,9 +83,7 @@ def test_the_glossary_is_long_and_in_order():
 def test_each_term_is_linked_at_its_first_use():
     first = first_uses()
     assert set(forms().values()) - set(first) == set(), "terms that the book never uses"
-    unlinked = {
-        name: f"{page}: {words}" for name, (page, words, link) in first.items() if link != name
-    }
+    unlinked = {name: f"{page}: {words}" for name, (page, words, link) in first.items() if link != name}
     assert unlinked == {}, "link the words to (#term-...) there"
 
 
@@ -119,16 +108,12 @@ COMMON = re.compile(
 )
 MATHEMATICS = re.compile(r"\$\$(.*?)\$\$|(?<![\\$])\$([^$]+)\$", re.DOTALL)
 WORDS = re.compile(r"\\(?:text|mathrm|operatorname|begin|end)\*?\s*\{[^{}]*\}")
-SYMBOL = re.compile(
-    r"\\(?:mathcal|mathbb|mathsf)\s*\{?[A-Za-z]\}?|f_z|f_\{\\bar z\}|\\[A-Za-z]+|[A-Za-z]"
-)
+SYMBOL = re.compile(r"\\(?:mathcal|mathbb|mathsf)\s*\{?[A-Za-z]\}?|f_z|f_\{\\bar z\}|\\[A-Za-z]+|[A-Za-z]")
 
 
 def symbols(text):
     """Letters and names of a page's formulas: {'\\mu', 'f', 'f_z', '\\mathcal L', ...}."""
-    text = re.sub(
-        r"\{eval\}(`+).*?\1|(`+)(?!\{)[^\n]*?\2", " ", CODE.sub("", text), flags=re.DOTALL
-    )
+    text = re.sub(r"\{eval\}(`+).*?\1|(`+)(?!\{)[^\n]*?\2", " ", CODE.sub("", text), flags=re.DOTALL)
     formulas = " ".join(display or inline for display, inline in MATHEMATICS.findall(text))
     found = SYMBOL.findall(WORDS.sub(" ", formulas))
     found = {re.sub(r"^(\\math\w+)\s*\{?(\w)\}?$", r"\1 \2", symbol) for symbol in found}
@@ -145,30 +130,14 @@ def test_the_page_on_notation_has_every_symbol_of_three_pages():
     for page in set(READ) - {"notation"}:
         for symbol in symbols(TEXTS[page]):
             pages[symbol].add(page)
-    explained = symbols(
-        " ".join(
-            line.split("|")[1] for line in TEXTS["notation"].splitlines() if line.startswith("|")
-        )
-    )
-    missing = {
-        symbol: sorted(where)
-        for symbol, where in pages.items()
-        if len(where) >= 3 and symbol not in explained
-    }
+    explained = symbols(" ".join(line.split("|")[1] for line in TEXTS["notation"].splitlines() if line.startswith("|")))
+    missing = {symbol: sorted(where) for symbol, where in pages.items() if len(where) >= 3 and symbol not in explained}
     assert missing == {}, "put them into the first column of a table there"
 
 
-QUOTING = {
-    "lbs",
-    "dbsnet",
-    "errata",
-    "linebyline",
-    "notation",
-}  # pages with formulas of the paper, in its letters
+QUOTING = {"lbs", "dbsnet", "errata", "linebyline", "notation"}  # pages with formulas of the paper, in its letters
 FORMULA = re.compile(r"\$\$.*?\$\$|(?<!\\)\$[^$\n]+\$", re.DOTALL)
-NAMES = re.compile(
-    r"\\(?:operatorname|mathrm|text|math\w+|begin|end)\s*(?:\{[^}]*\}|\w)|\\[a-zA-Z]+"
-)
+NAMES = re.compile(r"\\(?:operatorname|mathrm|text|math\w+|begin|end)\s*(?:\{[^}]*\}|\w)|\\[a-zA-Z]+")
 INDEX = re.compile(r"_\s*(?:\{[^}]*\}|\w)")
 STRAY = re.compile(r"(?<![a-zA-Z])(?:[bc]|d(?!\}\{d|\|))(?![a-zA-Z])")
 
@@ -178,20 +147,14 @@ def strays(text):
     has an index."""
     for formula in FORMULA.findall(text):
         named = NAMES.sub(lambda match: "x" * len(match[0]), formula)
-        alone = (
-            STRAY.search(INDEX.sub("", named)) and formula != "$b$"
-        )  # which says what the index means
+        alone = STRAY.search(INDEX.sub("", named)) and formula != "$b$"  # which says what the index means
         if alone or re.search(r"(?<![a-zA-Z])M_", named):
             yield formula
 
 
 def test_b_is_the_boundary_c_the_papers_d_a_differential_and_m_counts_landmarks():
-    assert {
-        page: found for page in READ if page not in QUOTING and (found := list(strays(TEXTS[page])))
-    } == {}
+    assert {page: found for page in READ if page not in QUOTING and (found := list(strays(TEXTS[page])))} == {}
 
 
 def test_a_letter_with_a_second_meaning_is_found():
-    assert list(strays("A text with $b = \\beta/\\alpha$ and $\\theta_b$.")) == [
-        "$b = \\beta/\\alpha$"
-    ]
+    assert list(strays("A text with $b = \\beta/\\alpha$ and $\\theta_b$.")) == ["$b = \\beta/\\alpha$"]

@@ -22,18 +22,7 @@ from qclearn.benchmark import chain_seconds, saving
 
 ROOT = Path(__file__).resolve().parents[2]
 LINES = paper_lines(ROOT / "book" / "paper.toml")
-FIELDS = (
-    "printed",
-    "place",
-    "function",
-    "test",
-    "erratum",
-    "verdict",
-    "rule",
-    "changed",
-    "compute",
-    "command",
-)
+FIELDS = ("printed", "place", "function", "test", "erratum", "verdict", "rule", "changed", "compute", "command")
 COUNTS = {"equation": 31, "figure": 13, "table": 1, "contribution": 5, "erratum": 12}
 # A word of each numbered equation, in the order of print: two that were exchanged are found by it.
 WORDS = """Beltrami|expansion|given map|Jacobian|four real|pairs of real|divergence form|affine|two edges|pairs of (6)
@@ -44,20 +33,9 @@ $\\eta$|activation|mean over the faces of $|squared gradient|distance of the lan
 WORDS = re.split(r"[|\n]", WORDS)
 CHAINS = ("harmonic 0.1", "harmonic 0.1, dissected", "harmonic 5", "harmonic 5, dissected")
 STAGES = {
-    "networks": [
-        "disk maps",
-        "landmarks",
-        "CP-Net",
-        "resampling",
-        "DBS-Net",
-        "certificate",
-        "correction",
-    ],
+    "networks": ["disk maps", "landmarks", "CP-Net", "resampling", "DBS-Net", "certificate", "correction"],
     "exact solver": ["disk maps", "landmarks", "CP-Net", "exact solver"],
-} | {
-    chain: ["disk maps", "landmarks", "harmonic map", "correction", "certificate"]
-    for chain in CHAINS
-}
+} | {chain: ["disk maps", "landmarks", "harmonic map", "correction", "certificate"] for chain in CHAINS}
 
 
 def named(kind, line):
@@ -109,13 +87,9 @@ def functions_of(file):
     all."""
     text = (ROOT / file).read_text(encoding="utf-8")
     tree = ast.parse(text)
-    found = {
-        node.name: ast.unparse(node) for node in tree.body if isinstance(node, ast.FunctionDef)
-    }
+    found = {node.name: ast.unparse(node) for node in tree.body if isinstance(node, ast.FunctionDef)}
     marks = [
-        node
-        for node in tree.body
-        if isinstance(node, ast.Assign) and "pytestmark" in ast.unparse(node.targets[0])
+        node for node in tree.body if isinstance(node, ast.Assign) and "pytestmark" in ast.unparse(node.targets[0])
     ]
     return found | {"": "".join(map(ast.unparse, marks))}
 
@@ -189,10 +163,7 @@ def test_every_line_leads_somewhere():
 
 
 def test_there_are_as_many_lines_as_the_paper_has():
-    assert (
-        all(len(LINES[kind]) == count for kind, count in COUNTS.items())
-        and len(LINES["claim"]) >= 20
-    )
+    assert all(len(LINES[kind]) == count for kind, count in COUNTS.items()) and len(LINES["claim"]) >= 20
 
 
 def test_every_test_is_collected(request):
@@ -201,16 +172,7 @@ def test_every_test_is_collected(request):
     found = {item.nodeid.split("[")[0] for item in request.session.items}
     seen = {node.split("::")[0] for node in found}
     if left := sorted({node.split("::")[0] for node in asked} - seen):
-        command = [
-            sys.executable,
-            "-m",
-            "pytest",
-            "--collect-only",
-            "-q",
-            "-p",
-            "no:cacheprovider",
-            *left,
-        ]
+        command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider", *left]
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
         found |= {line.split("[")[0] for line in done.stdout.splitlines()}
     assert asked - found == set()
@@ -227,25 +189,16 @@ def exchanged(one, other):
     """The lines with two equations exchanged that keep their numbers."""
     lines = copy.deepcopy(LINES)
     a, b = lines["equation"][one - 1], lines["equation"][other - 1]
-    lines["equation"][one - 1], lines["equation"][other - 1] = (
-        b | {"number": one},
-        a | {"number": other},
-    )
+    lines["equation"][one - 1], lines["equation"][other - 1] = (b | {"number": one}, a | {"number": other})
     return lines
 
 
 @pytest.mark.parametrize(
     "lines, words",
     [
-        (
-            changed("equation", 7, function="qclearn.solve_beltramy"),
-            "equation 7: no function qclearn.solve_beltramy",
-        ),
+        (changed("equation", 7, function="qclearn.solve_beltramy"), "equation 7: no function qclearn.solve_beltramy"),
         (changed("claim", 1, test="tests/plane/test_solver.py::test_x"), "claim 1: no test"),
-        (
-            changed("equation", 14, place="lbs#eq-lbs-eqn6"),
-            "equation 14: the page 'lbs' has no place 'eq-lbs-eqn6'",
-        ),
+        (changed("equation", 14, place="lbs#eq-lbs-eqn6"), "equation 14: the page 'lbs' has no place 'eq-lbs-eqn6'"),
         (exchanged(17, 21), "equation 17: is not the one with 'Fourier transform of each'"),
         (changed("claim", 1, rule="They take 0.51 s."), "claim 1: rule has a typed number"),
         (changed("equation", 3, verdict="fine"), "equation 3: 'fine' is no verdict"),
@@ -262,9 +215,7 @@ MEASURED = [(kind, line) for kind, own in LINES.items() for line in own if "meas
 
 @cache
 def kept(file):
-    return json.loads(
-        (ROOT / "qclearn" / "benchmark" / "results" / f"{file}.json").read_text(encoding="utf-8")
-    )
+    return json.loads((ROOT / "qclearn" / "benchmark" / "results" / f"{file}.json").read_text(encoding="utf-8"))
 
 
 def by_hand(name):
@@ -291,16 +242,12 @@ def by_hand(name):
             "whole": set(STAGES[keys[1]]),
             "solve": solve,
         }[keys[2]]
-        own = [
-            row for row in figures["rows"] if (row["vertices"], row["chain"]) == (vertices, keys[1])
-        ]
+        own = [row for row in figures["rows"] if (row["vertices"], row["chain"]) == (vertices, keys[1])]
         return sum(row["seconds"] for row in own if row["stage"] in stages)
     return reduce(lambda found, key: found[key], keys, figures)
 
 
-@pytest.mark.parametrize(
-    "kind, line", MEASURED, ids=[named(*entry).replace(" ", "-") for entry in MEASURED]
-)
+@pytest.mark.parametrize("kind, line", MEASURED, ids=[named(*entry).replace(" ", "-") for entry in MEASURED])
 def test_a_number_is_that_of_its_kept_file(kind, line):
     first, *other = map(by_hand, line["measured"])
     assert line["value"] == pytest.approx(first / other[0] if other else first, rel=1e-9)
@@ -313,16 +260,9 @@ def test_a_number_is_that_of_its_kept_file(kind, line):
 
 
 def test_a_ratio_that_turns_turns_the_verdict(monkeypatch):
-    line = {
-        "measured": ["a/x", "a/y"],
-        "limit": ["<=", 1.25],
-        "verdict": ["holds", "fails"],
-        "rule": "at most {limit}",
-    }
+    line = {"measured": ["a/x", "a/y"], "limit": ["<=", 1.25], "verdict": ["holds", "fails"], "rule": "at most {limit}"}
     for ratio, verdict in ((0.91, "holds"), (1.29, "fails")):
-        monkeypatch.setattr(
-            paperlines, "figures_of", lambda file, ratio=ratio: {"x": ratio, "y": 1.0}
-        )
+        monkeypatch.setattr(paperlines, "figures_of", lambda file, ratio=ratio: {"x": ratio, "y": 1.0})
         assert paperlines.decided(line)["verdict"] == verdict
     assert paperlines.decided(line)["rule"] == "at most 1.25"
 
@@ -332,22 +272,17 @@ def test_the_sweep_holds_every_stage_of_every_chain_at_every_size():
     sizes = sorted({row["vertices"] for row in rows})
     assert len(sizes) == 3 and sizes[0] > 9_000 and 150_000 < sizes[-1] < 170_000
     found = {(row["vertices"], row["chain"], row["stage"]) for row in rows}
-    assert found == {
-        (size, chain, stage) for size in sizes for chain, own in STAGES.items() for stage in own
-    }
+    assert found == {(size, chain, stage) for size in sizes for chain, own in STAGES.items() for stage in own}
     assert len(found) == len(rows)
 
 
 def test_what_is_left_of_the_saving_is_said_as_the_sweep_says_it():
     rows = kept("sizes")["rows"]
     largest, count = chain_seconds(rows)["largest"], max(row["vertices"] for row in rows)
-    passes, comes, checked, whole = (
-        saving(largest, part) for part in ("passes", "comes", "map", "whole")
-    )
+    passes, comes, checked, whole = (saving(largest, part) for part in ("passes", "comes", "map", "whole"))
     assert (checked, whole) == ("does not hold", "does not hold"), "the README says so"
     words = (
-        f"At {count:,} vertices the saving of the networks' passes alone "
-        f"{passes}, and that of their map as it comes, "
+        f"At {count:,} vertices the saving of the networks' passes alone {passes}, and that of their map as it comes, "
     )
     words += f"resampled to the mesh, {comes}. Checked and corrected it {checked}, and for the whole chain it {whole}."
     assert words in " ".join((ROOT / "book/errata.md").read_text(encoding="utf-8").split()), (
@@ -356,8 +291,7 @@ def test_what_is_left_of_the_saving_is_said_as_the_sweep_says_it():
 
 
 @pytest.mark.parametrize(
-    "networks, words",
-    [(0.9, "holds"), (1.1, "holds at the larger weight alone"), (3.1, "does not hold")],
+    "networks, words", [(0.9, "holds"), (1.1, "holds at the larger weight alone"), (3.1, "does not hold")]
 )
 def test_seconds_decide_what_is_left_of_the_saving(networks, words):
     seconds = {"networks": networks, "harmonic 0.1, dissected": 10.0, "harmonic 5, dissected": 30.0}

@@ -11,9 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 BOOK = ROOT / "book"
 INDEX = text_of(BOOK / "index.ipynb")
 CONTENTS = yaml.safe_load((BOOK / "_toc.yml").read_text(encoding="utf-8"))
-PARTS = {
-    part["caption"]: [chapter["file"] for chapter in part["chapters"]] for part in CONTENTS["parts"]
-}
+PARTS = {part["caption"]: [chapter["file"] for chapter in part["chapters"]] for part in CONTENTS["parts"]}
 
 
 def page_links(text):
@@ -30,23 +28,15 @@ def read_or_quoted():
     computes."""
     literals = tomllib.loads((ROOT / "tests/book/literals.toml").read_text(encoding="utf-8"))
     quoting = {
-        page
-        for page, reasons in literals.items()
-        if any(r.startswith("quoted: tools") for r in reasons.values())
+        page for page, reasons in literals.items() if any(r.startswith("quoted: tools") for r in reasons.values())
     }
     early = {page for part in ("Before you start", "Maps", "Registration") for page in PARTS[part]}
-    reading = {
-        path.stem
-        for path in BOOK.glob("*.ipynb")
-        if "read_measured(" in path.read_text(encoding="utf-8")
-    }
+    reading = {path.stem for path in BOOK.glob("*.ipynb") if "read_measured(" in path.read_text(encoding="utf-8")}
     return early & (reading | quoting)
 
 
 def test_the_preface_names_the_pages_that_read_their_numbers():
-    (promise,) = re.findall(
-        r"\*\*What is computed where\.\*\*(.*?)The part \*Networks\*", INDEX, re.DOTALL
-    )
+    (promise,) = re.findall(r"\*\*What is computed where\.\*\*(.*?)The part \*Networks\*", INDEX, re.DOTALL)
     assert page_links(promise) == read_or_quoted()
     assert "Five pages" in promise and len(read_or_quoted()) == 5
 

@@ -20,36 +20,22 @@ NOTEBOOKS = [path for path in PAGES if path.suffix == ".ipynb"]
 @pytest.mark.parametrize("path", TEXTS, ids=lambda path: path.stem)
 def test_numbers_in_the_text_are_computed(path):
     typed, unused = typed_results(text_of(path), LITERALS.get(path.stem, {}))
-    assert typed == [], (
-        "compute them and quote them as {eval}`...`, or give the reason in tests/book/literals.toml"
-    )
+    assert typed == [], "compute them and quote them as {eval}`...`, or give the reason in tests/book/literals.toml"
     assert unused == [], f"tests/book/literals.toml, [{path.stem}]: the page has no such phrase"
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_cells_that_print_a_table_say_so_to_the_site(path):
     """Else the site shows its rows as text."""
-    cells = [
-        cell
-        for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]
-        if cell["cell_type"] == "code"
-    ]
-    tables = [
-        cell for cell in cells if re.search(r"^table\(", "".join(cell["source"]), re.MULTILINE)
-    ]
-    bare = [
-        cell["id"]
-        for cell in tables
-        if cell["metadata"].get("mystnb") != {"markdown_format": "myst"}
-    ]
+    cells = [cell for cell in json.loads(path.read_text(encoding="utf-8"))["cells"] if cell["cell_type"] == "code"]
+    tables = [cell for cell in cells if re.search(r"^table\(", "".join(cell["source"]), re.MULTILINE)]
+    bare = [cell["id"] for cell in tables if cell["metadata"].get("mystnb") != {"markdown_format": "myst"}]
     assert bare == [], 'give these cells the metadata {"mystnb": {"markdown_format": "myst"}}'
 
 
 def test_exceptions_belong_to_pages_and_have_reasons():
     assert set(LITERALS) <= {path.stem for path in TEXTS}
-    reasons = [
-        (phrase, reason) for section in LITERALS.values() for phrase, reason in section.items()
-    ]
+    reasons = [(phrase, reason) for section in LITERALS.values() for phrase, reason in section.items()]
     assert [phrase for phrase, reason in reasons if len(reason.split()) < 2] == []
 
 
@@ -59,7 +45,5 @@ def test_a_typed_result_is_found_and_a_computed_one_is_left_alone():
 
 
 def test_a_literal_explains_its_phrase_and_no_other():
-    typed, unused = typed_results(
-        "2.5 mm thick,\nnot 2.5 mm wide", {"2.5 mm thick, not": "why", "7 mm": "why"}
-    )
+    typed, unused = typed_results("2.5 mm thick,\nnot 2.5 mm wide", {"2.5 mm thick, not": "why", "7 mm": "why"})
     assert len(typed) == 1 and "wide" in typed[0] and unused == ["7 mm"]

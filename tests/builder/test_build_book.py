@@ -66,9 +66,7 @@ def tree(tmp_path, monkeypatch):
         monkeypatch.setattr(execute_pages, name, lambda *arguments: [])
     execute_pages.execute_outdated(["one", "two"], 2)
     stamps = json.loads((tmp_path / "build/book/.stamps.json").read_text())
-    return tmp_path, lambda: [
-        page for page in ("one", "two") if stamps.get(page) != execute_pages.stamp(page)
-    ]
+    return tmp_path, lambda: [page for page in ("one", "two") if stamps.get(page) != execute_pages.stamp(page)]
 
 
 @pytest.mark.parametrize(
@@ -77,14 +75,8 @@ def tree(tmp_path, monkeypatch):
         ("tests/test_one.py", []),
         ("book/three.md", []),
         ("book/one.ipynb", ["one"]),
-        *(
-            (name, ["one", "two"])
-            for name in ("book/qcbook/cells.py", "qclearn/nets/weights.safetensors")
-        ),
-        *(
-            (name, ["one", "two"])
-            for name in ("qclearn/new.py", "book/paper.toml", "constraints.txt")
-        ),
+        *((name, ["one", "two"]) for name in ("book/qcbook/cells.py", "qclearn/nets/weights.safetensors")),
+        *((name, ["one", "two"]) for name in ("qclearn/new.py", "book/paper.toml", "constraints.txt")),
     ],
 )
 def test_what_makes_a_page_old(tree, file, expected):

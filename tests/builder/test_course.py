@@ -10,11 +10,11 @@ from types import SimpleNamespace
 
 import nbformat
 import pytest
-from leaks import drift, graded_lines, leaks, lines_of, of
 from nbformat.v4 import new_markdown_cell, new_notebook, new_output
 
 from book.builder import course, execute_pages, graded, references, solutions
 from book.builder.graded import EXERCISES, put
+from leaks import drift, graded_lines, leaks, lines_of, of
 
 NAME = "alpha-signs"
 PAGE = f"# Here\n\n{graded.place(NAME)}\n\nMore."
@@ -32,38 +32,19 @@ def written(tmp_path_factory):
 def test_the_students_notebook_has_a_blank_and_a_check_for_each_exercise(written):
     student = nbformat.read(written[0], as_version=4)
     assert [cell.metadata["exercise"] for cell in of(student, "answer")] == course.in_order()
-    assert [cell.source for cell in of(student, "check")] == [
-        graded.call(EXERCISES[n]) for n in course.in_order()
-    ]
-    assert [cell.source for cell in of(student, "answer")] == [
-        EXERCISES[n].blank.strip() for n in course.in_order()
-    ]
+    assert [cell.source for cell in of(student, "check")] == [graded.call(EXERCISES[n]) for n in course.in_order()]
+    assert [cell.source for cell in of(student, "answer")] == [EXERCISES[n].blank.strip() for n in course.in_order()]
     assert {cell.source for cell in of(student, "sentence")} == {"*Your answer here.*"}
-    assert [
-        role
-        for cell in of(student, "question")
-        for role in re.findall(r"\{[\w:]+\}`|\]\(#", cell.source)
-    ] == []
+    assert [role for cell in of(student, "question") for role in re.findall(r"\{[\w:]+\}`|\]\(#", cell.source)] == []
 
 
 def test_the_students_notebook_carries_what_nbgrader_keeps(written):
     student = nbformat.read(written[0], as_version=4)
     kept = [cell.metadata.nbgrader for cell in student.cells if "nbgrader" in cell.metadata]
     assert len({each.grade_id for each in kept}) == len(kept) >= 2 * len(EXERCISES)
-    keys = {
-        "schema_version",
-        "grade",
-        "solution",
-        "locked",
-        "task",
-        "cell_type",
-        "grade_id",
-        "checksum",
-    }
+    keys = {"schema_version", "grade", "solution", "locked", "task", "cell_type", "grade_id", "checksum"}
     for each in kept:
-        assert (
-            set(each) == keys | ({"points"} if each.grade else set()) and each.schema_version == 3
-        )
+        assert set(each) == keys | ({"points"} if each.grade else set()) and each.schema_version == 3
     assert sum(each.get("points", 0) for each in kept) == sum(e.points for e in EXERCISES.values())
 
 
@@ -72,20 +53,12 @@ def test_nbgraders_notebook_is_its_source(written):
     raise."""
     student, nbgraders = (nbformat.read(path, as_version=4) for path in (written[0], written[2]))
     assert [cell.id for cell in nbgraders.cells] == [cell.id for cell in student.cells]
-    assert [cell.source for cell in of(nbgraders, "question")] == [
-        cell.source for cell in of(student, "question")
-    ]
-    assert [cell.source + "\n" for cell in of(nbgraders, "answer")] == [
-        EXERCISES[n].source for n in course.in_order()
-    ]
+    assert [cell.source for cell in of(nbgraders, "question")] == [cell.source for cell in of(student, "question")]
+    assert [cell.source + "\n" for cell in of(nbgraders, "answer")] == [EXERCISES[n].source for n in course.in_order()]
     for check in of(nbgraders, "check"):
         exercise = EXERCISES[check.metadata.exercise]
         shown, tests = check.source.split("\n### BEGIN HIDDEN TESTS\n")
-        assert (
-            shown == graded.call(exercise)
-            and "seed=1)" in tests
-            and tests.endswith("\n### END HIDDEN TESTS")
-        )
+        assert shown == graded.call(exercise) and "seed=1)" in tests and tests.endswith("\n### END HIDDEN TESTS")
         exec(tests, {exercise.asks_for: exercise.solution})
         name, answer = next(iter(exercise.wrong.items()))
         with pytest.raises(AssertionError) as told:
@@ -96,14 +69,8 @@ def test_nbgraders_notebook_is_its_source(written):
 def test_the_teachers_notebook_has_solutions_mistakes_and_points(written):
     teacher = nbformat.read(written[1], as_version=4)
     text = "\n".join(cell.source for cell in teacher.cells)
-    assert [cell.source + "\n" for cell in of(teacher, "answer")] == [
-        EXERCISES[n].solved for n in course.in_order()
-    ]
-    assert all(
-        f"| {name.replace('|', chr(92) + '|')} |" in text
-        for e in EXERCISES.values()
-        for name in e.wrong
-    )
+    assert [cell.source + "\n" for cell in of(teacher, "answer")] == [EXERCISES[n].solved for n in course.in_order()]
+    assert all(f"| {name.replace('|', chr(92) + '|')} |" in text for e in EXERCISES.values() for name in e.wrong)
     assert f"| {sum(e.points for e in EXERCISES.values())} |" in text
 
 
@@ -116,11 +83,7 @@ QUOTED = 'return "µ ahead" if high < 1 else "behind"'  # a line that markup and
 HIDDEN = {
     "question": {"source": f"Hint: {QUOTED}"},
     "output": {"outputs": [new_output("stream", text=f"{QUOTED}\n")]},
-    "output in HTML": {
-        "outputs": [
-            new_output("display_data", {"text/html": f"<b>ret</b>{html.escape(QUOTED[3:])}"})
-        ]
-    },
+    "output in HTML": {"outputs": [new_output("display_data", {"text/html": f"<b>ret</b>{html.escape(QUOTED[3:])}"})]},
     "attachment": {"attachments": {"a.txt": {"text/plain": QUOTED}}},
     "metadata": {"metadata": {"hint": QUOTED}},
 }
@@ -172,16 +135,12 @@ def test_the_build_runs_the_solution_and_shows_none(monkeypatch):
     executed.cells = [each for each in executed.cells if each.cell_type == "markdown"]
     for shown in (False, True):
         monkeypatch.setattr(solutions, "SHOWN", shown)
-        monkeypatch.setattr(
-            execute_pages, "expressions", SimpleNamespace(store=lambda notebook: [])
-        )
+        monkeypatch.setattr(execute_pages, "expressions", SimpleNamespace(store=lambda notebook: []))
         page = copy.deepcopy(executed)
         assert execute_pages.finish(page) == []
         assert "{exercise} " + EXERCISES[NAME].title in page.cells[0].source
         assert ("{solution}" in page.cells[0].source) == shown
-        assert [
-            line for line in graded_lines()[NAME] if (line in page.cells[0].source) != shown
-        ] == []
+        assert [line for line in graded_lines()[NAME] if (line in page.cells[0].source) != shown] == []
 
 
 def test_a_page_that_names_no_exercise_stops_the_build():
@@ -191,13 +150,7 @@ def test_a_page_that_names_no_exercise_stops_the_build():
 
 
 def test_no_page_shows_a_line_of_a_solution_by_chance():
-    assert (
-        leaks(
-            [path for path in references.BOOK.iterdir() if path.suffix in (".ipynb", ".md")],
-            graded_lines(),
-        )
-        == {}
-    )
+    assert leaks([path for path in references.BOOK.iterdir() if path.suffix in (".ipynb", ".md")], graded_lines()) == {}
 
 
 @cache
@@ -234,6 +187,4 @@ def test_every_week_has_a_sheet(monkeypatch):
 
 
 def test_lines_are_those_that_only_a_solution_has():
-    assert lines_of("short\n    a line that is long enough to tell\n") == {
-        "a line that is long enough to tell"
-    }
+    assert lines_of("short\n    a line that is long enough to tell\n") == {"a line that is long enough to tell"}

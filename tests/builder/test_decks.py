@@ -43,28 +43,19 @@ def test_every_deck_has_an_explorable():
         for cell in nbformat.read(path, as_version=4).cells
         for _, name in decks.tagged(cell)
     }
-    assert (
-        {name for name, live in cells if live} == {name for name, _ in cells} == set(decks.TITLES)
-    )
+    assert {name for name, live in cells if live} == {name for name, _ in cells} == set(decks.TITLES)
 
 
 def test_a_slide_has_a_heading_short_words_and_whole_ones_for_the_speaker():
     made = deck(new_markdown_cell(CELL, metadata={"tags": ["slide-lbs"]}))
     assert [cell.metadata.slideshow.slide_type for cell in made] == ["slide", "-", "notes"]
     assert made[0].source == "## One"
-    assert (
-        made[1].source
-        == "A sentence, $a. b$ in it.\n\n$$x$$\n\n- a list\n\n**Theorem 1.1** (Name)\n\nAll. Of it."
-    )
+    assert made[1].source == "A sentence, $a. b$ in it.\n\n$$x$$\n\n- a list\n\n**Theorem 1.1** (Name)\n\nAll. Of it."
     assert "Another one, see there." in made[2].source and "Proof. Hidden." in made[2].source
 
 
 def test_slides_go_on_with_the_last_heading_and_show_pictures_tables_and_explorables():
-    shown = (
-        '<img class="page-figure">',
-        '<div class="qc-live" data-page="lbs"></div>',
-        "<iframe></iframe>",
-    )
+    shown = ('<img class="page-figure">', '<div class="qc-live" data-page="lbs"></div>', "<iframe></iframe>")
     outputs = [new_output("display_data", data={"text/html": each}) for each in shown]
     cells = [
         new_markdown_cell(CELL),
@@ -83,9 +74,7 @@ def test_slides_go_on_with_the_last_heading_and_show_pictures_tables_and_explora
     assert [output.data["text/html"] for output in made[1].outputs] == list(shown[:2])
 
 
-@pytest.mark.parametrize(
-    "tag, told", [("slide-nothing", "decks are opening"), ("more-lbs", "before any is tagged")]
-)
+@pytest.mark.parametrize("tag, told", [("slide-nothing", "decks are opening"), ("more-lbs", "before any is tagged")])
 def test_a_wrong_tag_stops_the_build(tag, told):
     with pytest.raises(SystemExit, match=told):
         deck(new_markdown_cell(CELL, metadata={"tags": [tag]}))

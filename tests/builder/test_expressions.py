@@ -34,33 +34,19 @@ def test_expressions_are_found_whatever_their_quotes():
 
 
 def test_answers_are_stored_where_jupyterlab_reads_them():
-    texts = "".join(
-        f"{{eval}}`x{i}` " for i in range(11)
-    )  # eleven: the keys 0, 1, 10, 2 are not in their order
+    texts = "".join(f"{{eval}}`x{i}` " for i in range(11))  # eleven: the keys 0, 1, 10, 2 are not in their order
     values = [result(str(i)) for i in range(11)]
-    notebook = executed(
-        new_code_cell("1"),
-        new_markdown_cell(texts),
-        new_code_cell("2"),
-        answers=[values],
-        end=values,
-    )
+    notebook = executed(new_code_cell("1"), new_markdown_cell(texts), new_code_cell("2"), answers=[values], end=values)
     assert expressions.store(notebook) == []
     assert [cell.source for cell in notebook.cells] == ["1", texts, "2"]
     assert [cell.execution_count for cell in notebook.cells[::2]] == [1, 2]
-    stored = [
-        (e["expression"], e["result"]["data"]["text/plain"])
-        for e in notebook.cells[1].metadata.user_expressions
-    ]
+    stored = [(e["expression"], e["result"]["data"]["text/plain"]) for e in notebook.cells[1].metadata.user_expressions]
     assert stored == [(f"x{i}", str(i)) for i in range(11)]
 
 
 def test_a_failing_expression_is_named_with_its_cell():
     notebook = executed(
-        new_code_cell("1"),
-        new_markdown_cell("{eval}`num.count`", id="prose"),
-        answers=[[FAILURE]],
-        end=[result("1")],
+        new_code_cell("1"), new_markdown_cell("{eval}`num.count`", id="prose"), answers=[[FAILURE]], end=[result("1")]
     )
     [line] = expressions.store(notebook)
     assert line.startswith("cell 2 (prose): ") and "num.count" in line and "AttributeError" in line
@@ -80,7 +66,5 @@ def test_a_name_that_is_gone_at_the_end_is_named():
 
 def test_a_key_kept_by_two_cells_is_named():
     cells = new_code_cell("keep(**a)", id="first"), new_code_cell("keep(**b)", id="second")
-    [line] = expressions.store(
-        executed(*cells, answers=[], end=[], kept={"error": [1, 2], "size": [2]})
-    )
+    [line] = expressions.store(executed(*cells, answers=[], end=[], kept={"error": [1, 2], "size": [2]}))
     assert line.startswith("cell 2 (second): ") and "'error'" in line and "cell 1 (first)" in line

@@ -11,27 +11,14 @@ CAPTION = ":::{figure}\n:name: fig-a\n\nA caption.\n\n:::\n"
 
 
 def found(*cells):
-    kinds = [
-        new_markdown_cell if "{figure}" in cell or cell == "Text." else new_code_cell
-        for cell in cells
-    ]
+    kinds = [new_markdown_cell if "{figure}" in cell or cell == "Text." else new_code_cell for cell in cells]
     return guards.check(
-        new_notebook(
-            cells=[kind(cell, id=f"c{i}") for i, (kind, cell) in enumerate(zip(kinds, cells), 1)]
-        )
+        new_notebook(cells=[kind(cell, id=f"c{i}") for i, (kind, cell) in enumerate(zip(kinds, cells), 1)])
     )
 
 
 def test_a_figure_with_its_caption_is_right():
-    assert (
-        found(
-            SHOW,
-            CAPTION + "Text.",
-            'show_figure(fig, "fig-b", "b")',
-            CAPTION.replace("fig-a", "fig-b"),
-        )
-        == []
-    )
+    assert found(SHOW, CAPTION + "Text.", 'show_figure(fig, "fig-b", "b")', CAPTION.replace("fig-a", "fig-b")) == []
 
 
 def test_a_figure_with_a_file_needs_no_cell():
@@ -43,14 +30,8 @@ def test_a_figure_with_a_file_needs_no_cell():
     [
         ([SHOW, "Text."], "cell 2 (c2): it has to open with the caption of the figure 'fig-a'"),
         (["1", CAPTION], "cell 2 (c2): the caption 'fig-a' does not stand below its figure"),
-        (
-            [SHOW + "\nprint(1)", CAPTION],
-            "cell 1 (c1): show_figure(...) has to be its last statement",
-        ),
-        (
-            [SHOW, CAPTION, "keep(m=1, n=2)"],
-            "cell 3 (c3): the key 'n' is kept already by cell 1 (c1)",
-        ),
+        ([SHOW + "\nprint(1)", CAPTION], "cell 1 (c1): show_figure(...) has to be its last statement"),
+        ([SHOW, CAPTION, "keep(m=1, n=2)"], "cell 3 (c3): the key 'n' is kept already by cell 1 (c1)"),
     ],
 )
 def test_a_mistake_is_named(cells, says):
@@ -63,10 +44,6 @@ def test_a_key_may_be_kept_again_by_its_own_cell():
 
 def test_a_picture_that_nobody_describes_is_named():
     plain = new_output("display_data", data={"image/png": ""})
-    named = new_output(
-        "display_data", data={"image/png": ""}, metadata={"scrapbook": {"name": "fig-a"}}
-    )
-    notebook = new_notebook(
-        cells=[new_code_cell("plt.show()", outputs=[plain]), new_code_cell(SHOW, outputs=[named])]
-    )
+    named = new_output("display_data", data={"image/png": ""}, metadata={"scrapbook": {"name": "fig-a"}})
+    notebook = new_notebook(cells=[new_code_cell("plt.show()", outputs=[plain]), new_code_cell(SHOW, outputs=[named])])
     assert len(list(guards.pictures_without_a_name(notebook))) == 1

@@ -52,8 +52,6 @@ def test_nothing_is_lost_without_copy_record_or_format(folder, lost):
         (folder / "a.ipynb").write_text("half a file")
     lab_copies.write_copies(folder, {"a": page("new")})
     assert (
-        texts(folder)["a"] == "new"
-        if lost != "the format"
-        else (folder / "a-mine.ipynb").read_text() == "half a file"
+        texts(folder)["a"] == "new" if lost != "the format" else (folder / "a-mine.ipynb").read_text() == "half a file"
     )
     assert (folder / "a-mine.ipynb").exists() == (lost != "the copy")

@@ -42,9 +42,7 @@ quiet = True
 
 def executed(prints, stdout="", stderr=""):
     outputs = [
-        new_output("stream", name=name, text=text)
-        for name, text in (("stdout", stdout), ("stderr", stderr))
-        if text
+        new_output("stream", name=name, text=text) for name, text in (("stdout", stdout), ("stderr", stderr)) if text
     ]
     return new_code_cell("", outputs=outputs, metadata={"exercise": "ex-first", "prints": prints})
 

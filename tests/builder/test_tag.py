@@ -46,17 +46,13 @@ def test_a_dirty_tree_is_not_tagged(repository):
 def test_a_change_log_of_another_version_is_not_tagged(repository, heading):
     (repository / "CHANGELOG.md").write_text(LOG.format(heading))
     commit(repository)
-    with pytest.raises(
-        SystemExit, match=rf"^tag: CHANGELOG.md begins with '{heading}', pyproject.toml has 0.2.0"
-    ):
+    with pytest.raises(SystemExit, match=rf"^tag: CHANGELOG.md begins with '{heading}', pyproject.toml has 0.2.0"):
         tag.tag(repository)
 
 
 def test_a_version_is_tagged_once(repository):
     tag.tag(repository)
-    with pytest.raises(
-        SystemExit, match=r"^tag: v0.2.0 is there already, at [0-9a-f]{9}: raise the version"
-    ):
+    with pytest.raises(SystemExit, match=r"^tag: v0.2.0 is there already, at [0-9a-f]{9}: raise the version"):
         tag.tag(repository)
 
 

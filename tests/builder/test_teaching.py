@@ -29,10 +29,7 @@ def plan(monkeypatch):
 def too_long():
     """The weeks, and the day, that take longer than a week of the plan has."""
     day, most = teaching.plan()["day"], 60 * teaching.plan()["hours"]
-    taken = {
-        week["title"]: teaching.spent(pages, names, week["class"])
-        for week, pages, names in teaching.weeks()
-    }
+    taken = {week["title"]: teaching.spent(pages, names, week["class"]) for week, pages, names in teaching.weeks()}
     taken["the day"] = teaching.spent(day["pages"], day["exercises"], day["class"])
     return {title: sum(parts) for title, parts in taken.items() if sum(parts) > most}
 
@@ -40,9 +37,7 @@ def too_long():
 def test_the_weeks_fit_and_have_pages_exercises_and_work_in_class():
     assert too_long() == {}
     weeks = list(teaching.weeks())
-    assert len(weeks) == 6 and all(
-        pages and names and week["class"] for week, pages, names in weeks
-    )
+    assert len(weeks) == 6 and all(pages and names and week["class"] for week, pages, names in weeks)
     assert {name for week, _, names in weeks for name in (*names, *week["leave"])} >= set(EXERCISES)
     assert set(teaching.plan()["day"]["pages"]) <= set(references.chapters())
     assert {EXERCISES[name].page for name in teaching.plan()["day"]["exercises"]} <= set(
@@ -55,9 +50,7 @@ def test_a_week_that_is_too_long_is_found(plan):
     assert list(too_long()) == [plan["week"][0]["title"]]
 
 
-@pytest.mark.parametrize(
-    "key, value", [("from", "nowhere"), ("leave", ["nothing"]), ("class", [[5, "On {nowhere}."]])]
-)
+@pytest.mark.parametrize("key, value", [("from", "nowhere"), ("leave", ["nothing"]), ("class", [[5, "On {nowhere}."]])])
 def test_a_name_that_is_not_there_stops_the_build(plan, key, value):
     plan["week"][0][key] = value
     with pytest.raises(SystemExit, match=r"teaching\.toml"):
@@ -70,9 +63,7 @@ def test_the_tables_stand_in_the_pages():
         assert not teaching.PLACE.search(teaching.put(text))
     shown = teaching.put(GUIDE)
     assert (
-        "### Week 6: " in shown
-        and "[The Linear Beltrami Solver](lbs.ipynb)" in shown
-        and "`alpha-signs` (15)" in shown
+        "### Week 6: " in shown and "[The Linear Beltrami Solver](lbs.ipynb)" in shown and "`alpha-signs` (15)" in shown
     )
     assert teaching.put("Table of weeks") == "Table of weeks"
 
@@ -86,9 +77,7 @@ def test_the_executed_book_has_the_tables(tmp_path, monkeypatch):
 
 def test_a_page_is_read_at_the_pace_of_its_parts():
     assert minutes_of_text("word " * 150) == pytest.approx(1)
-    assert minutes_of_text("$$\nx = 1\n$$ (eq-x)\n\nand\n\n$$y$$") == pytest.approx(
-        2 / 0.67 + 1 / 150
-    )
+    assert minutes_of_text("$$\nx = 1\n$$ (eq-x)\n\nand\n\n$$y$$") == pytest.approx(2 / 0.67 + 1 / 150)
     assert minutes_of_text("```python\na\nb\nc\nd\ne\n```") == pytest.approx(1)
     folded = ":::{admonition} Answers\n:class: dropdown\nMany words.\n:::\n\n:::{solution} ex-x\nMore.\n:::"
     assert minutes_of_text(folded) == 0
@@ -105,11 +94,7 @@ def test_a_run_says_what_it_cost(tmp_path):
     nbformat.write(notebook, tmp_path / "page.ipynb")
     (tmp_path / "other.ipynb").write_text(json.dumps(new_notebook()))
     found, total = costs.measured(tmp_path), psutil.virtual_memory().total
-    assert (
-        list(found) == ["page"]
-        and 0 < found["page"]["gb"] < total / 1e9
-        and found["page"]["seconds"] > 0
-    )
+    assert list(found) == ["page"] and 0 < found["page"]["gb"] < total / 1e9 and found["page"]["seconds"] > 0
 
 
 def test_the_sheet_multiplies_for_a_class(monkeypatch):
@@ -131,17 +116,12 @@ def test_the_recipe_without_internet_brings_what_the_build_needs():
 def test_each_project_has_a_first_cell_and_its_parts():
     cells = nbformat.read(references.BOOK / "projects.ipynb", as_version=4).cells
     text = "\n\n".join(cell.source if cell.cell_type == "markdown" else "CODE" for cell in cells)
-    projects = [
-        part for part in re.split(r"^## ", text, flags=re.MULTILINE) if "**Question.**" in part
-    ]
+    projects = [part for part in re.split(r"^## ", text, flags=re.MULTILINE) if "**Question.**" in part]
     assert len(projects) == 6
     for part in projects:
         order = [
-            part.index(word)
-            for word in ("**Question.**", "CODE", "**First steps.**", "**Milestones.**", "**A good")
+            part.index(word) for word in ("**Question.**", "CODE", "**First steps.**", "**Milestones.**", "**A good")
         ]
         assert order == sorted(order), part[:40]
-    points = [
-        int(n) for n in re.findall(r"\| (\d+) \|$", text.split("## Marking")[1], re.MULTILINE)
-    ]
+    points = [int(n) for n in re.findall(r"\| (\d+) \|$", text.split("## Marking")[1], re.MULTILINE)]
     assert sum(points) == 20

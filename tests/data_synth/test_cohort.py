@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from subjects import grown
 
 from data_synth import CohortWarning, CortexError, cohort, make_cortex
 from data_synth.generations import GENERATION
 from qclearn.cli import main
+from subjects import grown
 
 module = importlib.import_module("data_synth.cohort")
 SIZE = 1000
@@ -59,9 +59,7 @@ def test_an_interrupted_run_continues(folder, monkeypatch):
         make(folder, workers=1)
     assert paths[0].is_file() and not paths[1].is_file()
     monkeypatch.setattr(
-        module,
-        "make_cortex",
-        lambda seed, n, **options: made.append(seed) or grown(seed, n, **options),
+        module, "make_cortex", lambda seed, n, **options: made.append(seed) or grown(seed, n, **options)
     )
     make(folder)
     assert made == list(module.SEEDS[:2])
@@ -89,9 +87,7 @@ def test_a_generation_keeps_to_its_own_files(folder, tmp_path, monkeypatch):
     assert module.subject_path(folder, 1, SIZE, 3).parent.name == "generation-3"
     older = replace(grown(module.SEEDS[0], SIZE), generation=2)
     monkeypatch.setattr(module, "make_cortex", lambda *arguments, **options: older)
-    with pytest.raises(
-        CortexError, match=r"npz holds a subject of generation 2 where those of generation 3 lie"
-    ):
+    with pytest.raises(CortexError, match=r"npz holds a subject of generation 2 where those of generation 3 lie"):
         make(tmp_path, count=1)
     with pytest.raises(CortexError, match="generation is 7"):
         make(folder, generation=7)
@@ -99,18 +95,14 @@ def test_a_generation_keeps_to_its_own_files(folder, tmp_path, monkeypatch):
 
 def test_the_command_line_asks_for_a_generation(tmp_path, monkeypatch, capsys):
     made = []
-    monkeypatch.setattr(
-        module, "make_cortex", lambda seed, n, **options: made.append(options) or grown(seed, n)
-    )
+    monkeypatch.setattr(module, "make_cortex", lambda seed, n, **options: made.append(options) or grown(seed, n))
     options = ["--cohort", "1", "--vertices", str(SIZE), "--out", str(tmp_path), "--workers", "1"]
     main(["synth", *options])
     main(["synth", *options, "--generation", str(GENERATION)])
     assert made == [{"generation": GENERATION}]
     with pytest.raises(SystemExit) as stop:
         main(["synth", *options, "--generation", "7"])
-    assert (
-        stop.value.code == 2 and "generation is 7; this version makes 3" in capsys.readouterr().err
-    )
+    assert stop.value.code == 2 and "generation is 7; this version makes 3" in capsys.readouterr().err
 
 
 def test_a_folder_that_cannot_be_written(tmp_path):
@@ -134,8 +126,6 @@ def test_the_cache_is_the_users(monkeypatch, tmp_path):
 
 def test_a_folder_that_several_use_at_once_is_writable_for_all(tmp_path):
     with ThreadPoolExecutor(8) as pool:
-        for done in [
-            pool.submit(module._require_writable, tmp_path / "cohort") for _ in range(800)
-        ]:
+        for done in [pool.submit(module._require_writable, tmp_path / "cohort") for _ in range(800)]:
             done.result()
     assert list((tmp_path / "cohort").iterdir()) == []

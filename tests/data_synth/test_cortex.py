@@ -9,8 +9,6 @@ from itertools import pairwise
 import numba
 import numpy as np
 import pytest
-from known_surfaces import sphere
-from subjects import grown
 
 from data_synth import CortexError, correspondence, load_cortex, make_cortex, save_cortex, unfolded
 from data_synth.compiled import compiled
@@ -34,10 +32,12 @@ from data_synth.template import (
 )
 from data_synth.tessellation import fibonacci_sphere, interior_edges
 from data_synth.untangle import untangle
+from known_surfaces import sphere
 from qclearn import mean_curvature, read_surface, sulcal_depth
 from qclearn.registration.curves import curve_distance
 from qclearn.registration.metrics import log2_distortions
 from qclearn.surfaces.surface import Surface, SurfaceError, require_disk, require_outward
+from subjects import grown
 
 SIZE = 2500
 
@@ -113,16 +113,8 @@ def test_curves_lie_where_anatomy_has_them():
         name: surface.vertices[path].mean(axis=0) - surface.vertices.mean(axis=0)
         for name, path in surface.curves.items()
     }
-    assert (
-        place["calcarine sulcus"][1]
-        < place["central sulcus"][1]
-        < place["superior frontal sulcus"][1]
-    )
-    assert (
-        place["superior temporal sulcus"][2]
-        < place["sylvian fissure"][2]
-        < place["intraparietal sulcus"][2]
-    )
+    assert place["calcarine sulcus"][1] < place["central sulcus"][1] < place["superior frontal sulcus"][1]
+    assert place["superior temporal sulcus"][2] < place["sylvian fissure"][2] < place["intraparietal sulcus"][2]
     assert place["superior temporal sulcus"][0] < place["cingulate sulcus"][0]
     assert place["central sulcus"][2] > 0 > place["superior temporal sulcus"][2]
 
@@ -130,9 +122,7 @@ def test_curves_lie_where_anatomy_has_them():
 def test_curves_follow_the_courses_on_the_template():
     names = list(SULCI)
     centre = {
-        seed: np.stack(
-            [subject(seed).template[subject(seed).curves[name]].mean(axis=0) for name in names]
-        )
+        seed: np.stack([subject(seed).template[subject(seed).curves[name]].mean(axis=0) for name in names])
         for seed in (1, 2)
     }
     apart = np.linalg.norm(centre[1][:, None] - centre[2][None], axis=2)
@@ -154,19 +144,14 @@ def test_folds_correspond():
     one, other = subject(1), subject(2)
     assert depth_correlation(one, other) > 0.77
     truth = correspondence(one, other)
-    apart = [
-        curve_distance(truth[path], other.surface.vertices[other.curves[k]])
-        for k, path in one.curves.items()
-    ]
+    apart = [curve_distance(truth[path], other.surface.vertices[other.curves[k]]) for k, path in one.curves.items()]
     assert np.mean(apart) < 3.5
 
 
 def test_areas_correspond_before_growth_where_the_deformation_keeps_them():
     template, faces, vary = subject().template, subject().surface.faces, {}
     for number in GENERATIONS:
-        here, there = (
-            unfolded(replace(subject(), seed=seed, generation=number), template) for seed in (1, 2)
-        )
+        here, there = (unfolded(replace(subject(), seed=seed, generation=number), template) for seed in (1, 2))
         vary[number] = log2_distortions(Surface(here, faces), there)["log2_area"][1]
     assert vary[4] < 0.6 * vary[3]
 
@@ -212,38 +197,21 @@ def test_gaps_and_branches_are_recorded_where_they_were_drawn():
         person = Individual(seed, "left")
         person.rng = np.random.default_rng(seed)  # as if the mesh had been made
         assert not person.interrupted and not person.branched
-        middle = {
-            name: np.linspace(0.2, 0.8, 200) * (len(course) - 1)
-            for name, course in person.courses.items()
-        }
-        points = {
-            name: person.position(course[middle[name].astype(int)])
-            for name, course in person.courses.items()
-        }
+        middle = {name: np.linspace(0.2, 0.8, 200) * (len(course) - 1) for name, course in person.courses.items()}
+        points = {name: person.position(course[middle[name].astype(int)]) for name, course in person.courses.items()}
         pull = person.furrows(np.concatenate(list(points.values()))).pull
         weakest = pull.reshape(len(points), 200).min(axis=1)
         gap = [name in person.interrupted for name in person.courses]
         assert set(person.interrupted) | set(person.branched) <= set(SULCI)
         assert (weakest[np.logical_not(gap)] > 0.99).all()
-        assert (
-            weakest[gap] < 0.95
-        ).all()  # a branch or a neighbour may start at a gap's edge, seldom in it
+        assert (weakest[gap] < 0.95).all()  # a branch or a neighbour may start at a gap's edge, seldom in it
 
 
 def test_two_sides_of_a_seed_resemble_each_other():
     probe = fibonacci_sphere(400)
-    places = {
-        key: Individual(*key).deform(probe)
-        for seed in range(4)
-        for key in [(seed, "left"), (seed, "right")]
-    }
-    between_sides = [
-        np.linalg.norm(places[s, "left"] - places[s, "right"], axis=1).mean() for s in range(4)
-    ]
-    between_seeds = [
-        np.linalg.norm(places[s, "left"] - places[(s + 1) % 4, "left"], axis=1).mean()
-        for s in range(4)
-    ]
+    places = {key: Individual(*key).deform(probe) for seed in range(4) for key in [(seed, "left"), (seed, "right")]}
+    between_sides = [np.linalg.norm(places[s, "left"] - places[s, "right"], axis=1).mean() for s in range(4)]
+    between_seeds = [np.linalg.norm(places[s, "left"] - places[(s + 1) % 4, "left"], axis=1).mean() for s in range(4)]
     assert 0 < np.mean(between_sides) < 0.8 * np.mean(between_seeds)
 
 
@@ -252,9 +220,7 @@ def test_correspondence_there_and_back(other):
     a, b = subject(), subject(*other)
     face, weights = locate_on_sphere(b.template, b.surface.faces, a.template)
     corners = b.surface.faces[face]
-    assert np.allclose(
-        correspondence(a, b), np.einsum("pk,pkj->pj", weights, b.surface.vertices[corners])
-    )
+    assert np.allclose(correspondence(a, b), np.einsum("pk,pkj->pj", weights, b.surface.vertices[corners]))
     back = np.einsum("pk,pkj->pj", weights, correspondence(b, a)[corners])
     error = np.linalg.norm(back - a.surface.vertices, axis=1)
     edge = edge_lengths(a.surface).mean()
@@ -291,19 +257,14 @@ def test_saved_and_read_back(tmp_path):
     save_cortex(path, subject(1, "right"))
     back = load_cortex(path)
     assert (back.seed, back.hemisphere, back.generation) == (1, "right", GENERATION)
-    assert (back.interrupted, back.branched) == (
-        subject(1, "right").interrupted,
-        subject(1, "right").branched,
-    )
+    assert (back.interrupted, back.branched) == (subject(1, "right").interrupted, subject(1, "right").branched)
     assert np.array_equal(back.template, subject(1, "right").template)
     for surface in (back.surface, read_surface(path)):
         assert np.array_equal(surface.vertices, subject(1, "right").surface.vertices)
         assert set(surface.curves) == set(SULCI)
     first = path.read_bytes()
     save_cortex(path, subject(1, "right"))
-    assert path.read_bytes() == first and [file.name for file in tmp_path.iterdir()] == [
-        "subject.npz"
-    ]
+    assert path.read_bytes() == first and [file.name for file in tmp_path.iterdir()] == ["subject.npz"]
 
 
 def test_unreadable_files(tmp_path):
@@ -349,9 +310,7 @@ def test_one_kind_of_deformation_keeps_areas_on_the_hull(kind, keeps):
     points = points[wall_level(points) > 1]
 
     def area(map_):
-        return np.linalg.norm(
-            area_vectors(lambda u: hull_radius(map_(u))[:, None] * map_(u), points), axis=1
-        )
+        return np.linalg.norm(area_vectors(lambda u: hull_radius(map_(u))[:, None] * map_(u), points), axis=1)
 
     assert (np.quantile(abs(np.log2(area(deform) / area(unit))), 0.95) < 1e-3) == keeps
 
@@ -376,9 +335,7 @@ def _grow_sphere(growth, steps=300):
     start, index = neighbour_table(mesh.faces, len(rest))
     owner = np.repeat(np.arange(len(rest)), np.diff(start))
     length = np.linalg.norm(rest[owner] - rest[index], axis=1)
-    settings = np.array(
-        [steps, 0.2, 0.25, 0.0, 0.2, 0.005, 0.3, 0.5 * length.mean(), 3.0, 10, 1.0, 0.4, 0.0]
-    )
+    settings = np.array([steps, 0.2, 0.25, 0.0, 0.2, 0.005, 0.3, 0.5 * length.mean(), 3.0, 10, 1.0, 0.4, 0.0])
     field = hull_distance(lambda u: np.full(len(u), 0.5))
     clock = np.zeros(2, dtype=np.int64)
     x = grow(
@@ -410,9 +367,7 @@ def test_growth_buckles_the_shell_inward_below_its_hull():
     rest, x, depth = _grow_sphere(1.5)
     faces = sphere().faces
     area = [
-        np.linalg.norm(
-            np.cross(p[faces[:, 1]] - p[faces[:, 0]], p[faces[:, 2]] - p[faces[:, 0]]), axis=1
-        ).sum()
+        np.linalg.norm(np.cross(p[faces[:, 1]] - p[faces[:, 0]], p[faces[:, 2]] - p[faces[:, 0]]), axis=1).sum()
         for p in (rest, x)
     ]
     assert area[1] > 1.4 * area[0]
@@ -434,15 +389,11 @@ def test_the_mesh_is_even_and_nearly_delaunay():
     cortex = subject()
     rest = unfolded(cortex, cortex.template)
     faces = cortex.surface.faces
-    length = np.linalg.norm(
-        rest[cortex.surface.edges[:, 0]] - rest[cortex.surface.edges[:, 1]], axis=1
-    )
+    length = np.linalg.norm(rest[cortex.surface.edges[:, 0]] - rest[cortex.surface.edges[:, 1]], axis=1)
     assert length.std() < 0.3 * length.mean()
     corner = rest[faces]
     ahead, behind = np.roll(corner, -1, axis=1) - corner, np.roll(corner, 1, axis=1) - corner
-    cosine = (
-        (ahead * behind).sum(2) / np.linalg.norm(ahead, axis=2) / np.linalg.norm(behind, axis=2)
-    )
+    cosine = (ahead * behind).sum(2) / np.linalg.norm(ahead, axis=2) / np.linalg.norm(behind, axis=2)
     angle = np.arccos(cosine)
     f, i, g, j = interior_edges(faces)
     assert (angle[f, i] + angle[g, j] > np.pi + 1e-3).mean() < 0.005

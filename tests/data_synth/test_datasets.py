@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import torch
 from skimage import io
-from subjects import grown
 from torch.utils.data import DataLoader
 
 from data_synth import CortexError
@@ -18,6 +17,7 @@ from data_synth.training import Fields
 from qclearn.plane.grids import pixel_centres, polar_disk
 from qclearn.registration.curves import sample_curve
 from qclearn.surfaces.curvature import curvature_image
+from subjects import grown
 
 # Coarse hemispheres may need a few switched rows; the map is bijective all the same.
 pytestmark = pytest.mark.filterwarnings("ignore::qclearn.plane.bijectivity.RepairWarning")
@@ -54,19 +54,14 @@ def test_an_item_is_its_indexs_alone(datasets, name):
 
 @each
 def test_another_seed_gives_other_items(datasets, name, subjects):
-    other = {
-        "coefficients": lambda: Fields(6, 6, **SMALL),
-        "curves": lambda: CurveDataset(6, 6, subjects, 32),
-    }[name]()
+    other = {"coefficients": lambda: Fields(6, 6, **SMALL), "curves": lambda: CurveDataset(6, 6, subjects, 32)}[name]()
     assert not same(other[0], datasets[name][0])
     assert not same(other[0], datasets[name][1])  # the seed is no offset of the index
 
 
 @each
 def test_workers_change_nothing(datasets, name):
-    alone, shared = (
-        list(DataLoader(datasets[name], batch_size=2, num_workers=count)) for count in (0, 2)
-    )
+    alone, shared = (list(DataLoader(datasets[name], batch_size=2, num_workers=count)) for count in (0, 2))
     assert all(same(a, b) for a, b in zip(alone, shared, strict=True))
 
 
@@ -127,12 +122,7 @@ def test_a_curve_item_shows_its_curves(datasets):
         assert ends.shape == (8, 2) and curves.shape == (8, 10) and curves.dtype == torch.complex64
         assert torch.equal(ends, curves[:, [0, -1]]) and abs(curves).max() <= 1 + 1e-6
         grey, marks = image.numpy()
-        assert (
-            grey.min() >= 0
-            and grey.max() <= 255
-            and grey[~outside].std() > 30
-            and (grey[outside] == 0).all()
-        )
+        assert grey.min() >= 0 and grey.max() <= 255 and grey[~outside].std() > 30 and (grey[outside] == 0).all()
         # a marked pixel is the one whose centre is nearest an end
         nearest = {int(abs(pixel_centres(32) - complex(end)).argmin()) for end in ends.ravel()}
         assert set(np.flatnonzero(marks.ravel())) == nearest and set(np.unique(marks)) == {0, 255}
@@ -144,10 +134,7 @@ def test_curves_lie_in_the_dark_of_their_image(subjects):
     share = []
     for image, _, curves in CurveDataset(8, 3, subjects, size=64):
         grey = image[0].numpy()
-        row, column = (
-            np.clip((x + 1) * 32, 0, 63).astype(int)
-            for x in (curves.imag.numpy(), curves.real.numpy())
-        )
+        row, column = (np.clip((x + 1) * 32, 0, 63).astype(int) for x in (curves.imag.numpy(), curves.real.numpy()))
         share.append(grey[row, column].mean() / grey[abs(pixel_centres(64)) <= 1].mean())
     assert max(share) < 0.8
 
@@ -158,16 +145,9 @@ def test_an_undistorted_item_is_the_subjects_own_image_turned(subjects):
     for image, _ends, curves in dataset:
         flat = maps.solve(np.zeros(len(surface.faces)))
         own_image, radius = curvature_image(surface, flat, 32, grey)
-        own = np.stack(
-            [
-                radius.to_image(sample_curve(surface, surface.curves[name]) @ flat)
-                for name in dataset.names
-            ]
-        )
+        own = np.stack([radius.to_image(sample_curve(surface, surface.curves[name]) @ flat) for name in dataset.names])
         turn = curves.numpy() / own
-        assert abs(turn - turn.mean()).max() < 1e-4 and abs(turn.mean()) == pytest.approx(
-            1, abs=1e-5
-        )
+        assert abs(turn - turn.mean()).max() < 1e-4 and abs(turn.mean()) == pytest.approx(1, abs=1e-5)
         turned, _ = curvature_image(surface, flat * turn.mean(), 32, grey)
         np.testing.assert_allclose(image[0], np.nan_to_num(turned), atol=0.2)
         assert abs(turned - own_image)[abs(pixel_centres(32)) < 0.9].max() > 20
@@ -175,10 +155,7 @@ def test_an_undistorted_item_is_the_subjects_own_image_turned(subjects):
 
 def test_items_come_from_all_subjects_and_from_bijective_maps(subjects, monkeypatch):
     dataset = CurveDataset(12, 7, subjects, size=16)
-    seen, flipped = (
-        set(),
-        [],
-    )  # not certified one by one: a fold in a picture would show, one sliver would not
+    seen, flipped = (set(), [])  # not certified one by one: a fold in a picture would show, one sliver would not
     original = type(dataset.subjects[0][2]).solve
 
     def watch(maps, mu):
@@ -196,9 +173,7 @@ def test_items_come_from_all_subjects_and_from_bijective_maps(subjects, monkeypa
 def test_the_order_of_the_curves_is_that_of_the_names(subjects):
     first, second = subjects
     surface = first.surface
-    backwards = type(surface)(
-        surface.vertices, surface.faces, dict(reversed(surface.curves.items()))
-    )
+    backwards = type(surface)(surface.vertices, surface.faces, dict(reversed(surface.curves.items())))
     turned = replace(first, surface=backwards)
     options = {"size": 16, "max_abs": (0.0, 0.0)}
     one, other = (CurveDataset(4, 1, [second, subject], **options) for subject in (first, turned))
@@ -214,15 +189,10 @@ def test_the_order_of_the_curves_is_that_of_the_names(subjects):
         (lambda subjects: Fields(3, -1), "seed is -1"),
         (lambda subjects: CurveDataset(3, 1, []), "subjects: give at least one"),
         (
-            lambda subjects: CurveDataset(
-                3, 1, subjects, names=["central sulcus", "silver sulcus"]
-            ),
+            lambda subjects: CurveDataset(3, 1, subjects, names=["central sulcus", "silver sulcus"]),
             "silver sulcus.*central",
         ),
-        (
-            lambda subjects: CurveDataset(3, 1, [subjects[0], without_curves(subjects[1])]),
-            "same named curves",
-        ),
+        (lambda subjects: CurveDataset(3, 1, [subjects[0], without_curves(subjects[1])]), "same named curves"),
         (lambda subjects: CurveDataset(3, 1, [without_curves(subjects[1])]), "named curves"),
     ],
 )
@@ -238,9 +208,7 @@ def without_curves(subject):
 
 def test_subjects_of_two_generations_are_no_set(subjects):
     with pytest.raises(CortexError, match="of the generations 2, 3"):
-        CurveDataset(
-            3, 1, [replace(subject, generation=2 + k) for k, subject in enumerate(subjects)]
-        )
+        CurveDataset(3, 1, [replace(subject, generation=2 + k) for k, subject in enumerate(subjects)])
 
 
 class Counted(Fields):
@@ -283,9 +251,7 @@ def test_a_kept_set_is_drawn_once_and_read_back_equal(tmp_path):
 def test_a_set_drawn_by_workers_is_the_same_file(tmp_path):
     for workers in (0, 2):
         keep(counted(20), tmp_path / f"{workers}.npz", workers=workers)
-    assert same(
-        keep(counted(20), tmp_path / "0.npz").tensors, keep(counted(20), tmp_path / "2.npz").tensors
-    )
+    assert same(keep(counted(20), tmp_path / "0.npz").tensors, keep(counted(20), tmp_path / "2.npz").tensors)
 
 
 @pytest.mark.parametrize("damage", ["flipped bit", "cut short", "empty", "text", "another archive"])
@@ -320,14 +286,7 @@ def test_a_wrong_number_under_a_right_archive_is_found(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "change",
-    [
-        {"count": 6},
-        {"seed": 4},
-        {"rings": 3, "spokes": 16},
-        {"max_abs": (0.05, 0.61)},
-        {"source": np.ones},
-    ],
+    "change", [{"count": 6}, {"seed": 4}, {"rings": 3, "spokes": 16}, {"max_abs": (0.05, 0.61)}, {"source": np.ones}]
 )
 def test_another_recipe_is_drawn_again(tmp_path, change):
     """Three rings of sixteen have as many vertices as four of twelve."""
@@ -345,23 +304,14 @@ def test_recipes_see_subjects_and_pictures(subjects, tmp_path):
     first, second = subjects
     surface = first.surface
     shorter = type(surface)(
-        surface.vertices,
-        surface.faces,
-        surface.curves | {"calcarine sulcus": surface.curves["calcarine sulcus"][:-1]},
+        surface.vertices, surface.faces, surface.curves | {"calcarine sulcus": surface.curves["calcarine sulcus"][:-1]}
     )
-    recipes = [
-        CurveDataset(2, 1, [subject]).recipe
-        for subject in (first, second, replace(first, surface=shorter))
-    ]
+    recipes = [CurveDataset(2, 1, [subject]).recipe for subject in (first, second, replace(first, surface=shorter))]
     assert len(set(recipes)) == 3 and CurveDataset(2, 1, [first], points=9).recipe not in recipes
 
     pictures = []
     for shade in (10, 11):
-        io.imsave(
-            tmp_path / "a.png",
-            np.arange(400).reshape(20, 20).astype(np.uint8) // shade,
-            check_contrast=False,
-        )
+        io.imsave(tmp_path / "a.png", np.arange(400).reshape(20, 20).astype(np.uint8) // shade, check_contrast=False)
         pictures.append(counted(source=ImageFolder(tmp_path)).recipe)
         assert counted(source=ImageFolder(tmp_path)).recipe == pictures[-1]
     assert pictures[0] != pictures[1] != counted().recipe

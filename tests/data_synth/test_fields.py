@@ -33,10 +33,7 @@ def photograph(height, width, seed, channels=3):
     channels)."""
     y, x = np.mgrid[:height, :width]
     rng = np.random.default_rng(seed)
-    waves = sum(
-        np.sin(rng.normal(size=2) @ np.stack([x, y]).reshape(2, -1) / 3).reshape(x.shape)
-        for _ in range(4)
-    )
+    waves = sum(np.sin(rng.normal(size=2) @ np.stack([x, y]).reshape(2, -1) / 3).reshape(x.shape) for _ in range(4))
     grey = (127.5 + 31 * waves).astype(np.uint8)
     return np.repeat(grey[..., None], channels, axis=2)
 
@@ -54,12 +51,8 @@ def folder(tmp_path_factory):
 def slope_of_amplitude(draw, size=128, count=24):
     """Minus the slope of log amplitude over log |k|, from the power averaged over draws."""
     k = np.hypot(*np.meshgrid(*[np.fft.fftfreq(size) * size] * 2, indexing="ij"))
-    window = np.outer(
-        *[np.hanning(size)] * 2
-    )  # opposite sides differ: without it the jump gives slope 1 to anything
-    power = sum(
-        abs(np.fft.fft2(draw(np.random.default_rng(s)) * window)) ** 2 for s in range(count)
-    )
+    window = np.outer(*[np.hanning(size)] * 2)  # opposite sides differ: without it the jump gives slope 1 to anything
+    power = sum(abs(np.fft.fft2(draw(np.random.default_rng(s)) * window)) ** 2 for s in range(count))
     rings = np.arange(4, 25)
     means = [np.log(power[(k >= ring - 0.5) & (k < ring + 0.5)].mean()) / 2 for ring in rings]
     return -np.polyfit(np.log(rings), means, 1)[0]
@@ -67,42 +60,27 @@ def slope_of_amplitude(draw, size=128, count=24):
 
 @pytest.mark.parametrize("slope", [0.0, 1.0, 2.0])
 def test_noise_has_the_amplitude_that_it_is_asked_for(slope):
-    assert slope_of_amplitude(lambda rng: power_noise(128, rng, slope)) == pytest.approx(
-        slope, abs=0.1
-    )
+    assert slope_of_amplitude(lambda rng: power_noise(128, rng, slope)) == pytest.approx(slope, abs=0.1)
     noise = power_noise(65, np.random.default_rng(1), slope)
-    assert (
-        noise.shape == (65, 65)
-        and noise.std() == pytest.approx(1)
-        and noise.mean() == pytest.approx(0, abs=1e-12)
-    )
+    assert noise.shape == (65, 65) and noise.std() == pytest.approx(1) and noise.mean() == pytest.approx(0, abs=1e-12)
 
 
 def test_dead_leaves_have_the_spectrum_of_natural_images():
-    assert slope_of_amplitude(lambda rng: dead_leaves(128, rng)) == pytest.approx(
-        1.2, abs=0.2
-    )  # Ruderman: 0.9 to 1.4
+    assert slope_of_amplitude(lambda rng: dead_leaves(128, rng)) == pytest.approx(1.2, abs=0.2)  # Ruderman: 0.9 to 1.4
     image = dead_leaves(64, np.random.default_rng(0))
     assert image.shape == (64, 64) and image.min() >= 0 and image.max() <= 1 and image.std() > 0.1
 
 
 def test_dead_leaves_have_edges_and_their_noise_has_none():
     def kurtosis(draw):
-        return np.mean(
-            [
-                stats.kurtosis(np.diff(draw(np.random.default_rng(s)), axis=1), axis=None)
-                for s in range(8)
-            ]
-        )
+        return np.mean([stats.kurtosis(np.diff(draw(np.random.default_rng(s)), axis=1), axis=None) for s in range(8)])
 
     assert abs(kurtosis(lambda rng: power_noise(64, rng, 1.0))) < 0.5
     assert kurtosis(lambda rng: dead_leaves(64, rng)) > 3
 
 
 def test_smooth_fields_have_the_spectrum_of_smooth_deformations():
-    assert slope_of_amplitude(lambda rng: smooth_coefficient(128, rng)) == pytest.approx(
-        2.5, abs=0.15
-    )
+    assert slope_of_amplitude(lambda rng: smooth_coefficient(128, rng)) == pytest.approx(2.5, abs=0.15)
 
 
 def test_opposite_sides_of_smooth_fields_are_free():
@@ -114,16 +92,12 @@ def test_opposite_sides_of_smooth_fields_are_free():
 def test_images_become_the_two_parts_smoothed_with_noise():
     grey = iter([dead_leaves(64, np.random.default_rng(s)) for s in (1, 2)])
     given = list(grey)
-    field = image_coefficient(
-        64, np.random.default_rng(0), lambda size, rng: given.pop(0), (0.02, 0.02), 0.0
-    )
+    field = image_coefficient(64, np.random.default_rng(0), lambda size, rng: given.pop(0), (0.02, 0.02), 0.0)
     first, second = (dead_leaves(64, np.random.default_rng(s)) for s in (1, 2))
     for part, other, image in ((field.real, field.imag, first), (field.imag, field.real, second)):
         assert np.corrcoef(part.ravel(), image.ravel())[0, 1] > 0.8
         assert abs(np.corrcoef(other.ravel(), image.ravel())[0, 1]) < 0.5
-        assert (
-            abs(np.diff(part / part.std())).mean() < 0.5 * abs(np.diff(image / image.std())).mean()
-        )
+        assert abs(np.diff(part / part.std())).mean() < 0.5 * abs(np.diff(image / image.std())).mean()
     assert abs(field).max() == pytest.approx(1) and abs(field.mean()) < 1e-12
 
 
@@ -134,23 +108,16 @@ def test_added_noise_has_the_stated_share():
     clean, noisy = draw(0.0), draw(0.1)
     scale = (noisy * clean.conj()).sum().real / (abs(clean) ** 2).sum()
     added = noisy - scale * clean
-    assert np.sqrt((abs(added) ** 2).mean() / (abs(scale * clean) ** 2).mean()) == pytest.approx(
-        0.1, rel=0.05
-    )
+    assert np.sqrt((abs(added) ** 2).mean() / (abs(scale * clean) ** 2).mean()) == pytest.approx(0.1, rel=0.05)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_largest_size_is_uniform_in_its_interval(kind):
-    largest = [
-        abs(random_coefficient(DISK, np.random.default_rng(s), kind=kind, size=24)).max()
-        for s in range(150)
-    ]
+    largest = [abs(random_coefficient(DISK, np.random.default_rng(s), kind=kind, size=24)).max() for s in range(150)]
     low, high = MAX_ABS
     assert low <= min(largest) and max(largest) <= high < 1
     assert stats.kstest(largest, stats.uniform(low, high - low).cdf).pvalue > 0.01
-    fixed = random_coefficient(
-        DISK, np.random.default_rng(0), kind=kind, size=24, max_abs=(0.3, 0.3)
-    )
+    fixed = random_coefficient(DISK, np.random.default_rng(0), kind=kind, size=24, max_abs=(0.3, 0.3))
     assert abs(fixed).max() == pytest.approx(0.3) and fixed.shape == (len(DISK.faces),)
 
 
@@ -161,9 +128,7 @@ def right_half(size, rng):
 def test_no_direction_is_preferred():
     """Both parts from one picture: without the turn, mu would point along one diagonal."""
     at_zero = [
-        random_coefficient(
-            DISK, np.random.default_rng(s), kind="image", size=24, source=right_half
-        )[0]
+        random_coefficient(DISK, np.random.default_rng(s), kind="image", size=24, source=right_half)[0]
         for s in range(150)
     ]
     assert stats.kstest(np.angle(at_zero), stats.uniform(-np.pi, 2 * np.pi).cdf).pvalue > 0.01
@@ -171,9 +136,7 @@ def test_no_direction_is_preferred():
 
 def test_fields_lie_on_the_disk_as_on_the_square():
     """A source that is white on the right half only: mu is there, whatever its phase."""
-    mu = random_coefficient(
-        DISK, np.random.default_rng(3), kind="image", size=64, source=right_half
-    )
+    mu = random_coefficient(DISK, np.random.default_rng(3), kind="image", size=64, source=right_half)
     x = disk_to_square(DISK.centroids).real
     # mean 0, so the halves are opposite; the smoothing is at most 0.06 of the size
     turn = mu[x > 0.3].mean() / abs(mu[x > 0.3].mean())
@@ -181,9 +144,7 @@ def test_fields_lie_on_the_disk_as_on_the_square():
 
 
 def test_the_generator_decides_everything():
-    draws = [
-        random_coefficient(DISK, np.random.default_rng(s), kind="image", size=24) for s in (1, 1, 2)
-    ]
+    draws = [random_coefficient(DISK, np.random.default_rng(s), kind="image", size=24) for s in (1, 1, 2)]
     assert np.array_equal(draws[0], draws[1])
     assert abs(draws[0] - draws[2]).mean() > 0.01
 
@@ -213,11 +174,7 @@ def test_a_folder_gives_square_parts_of_all_its_pictures(folder):
 
 def test_a_part_keeps_the_proportions_and_the_orientation(tmp_path):
     y, x = np.mgrid[:60, :200]
-    io.imsave(
-        tmp_path / "ramp.png",
-        (y + x).astype(np.uint8)[..., None].repeat(3, 2),
-        check_contrast=False,
-    )
+    io.imsave(tmp_path / "ramp.png", (y + x).astype(np.uint8)[..., None].repeat(3, 2), check_contrast=False)
     for seed in range(10):
         part = ImageFolder(tmp_path)(20, np.random.default_rng(seed))
         down, right = (np.diff(part, axis=axis)[3:-3, 3:-3].mean() for axis in (0, 1))
@@ -230,8 +187,7 @@ def test_a_part_keeps_the_proportions_and_the_orientation(tmp_path):
 
 def test_the_papers_recipe_over_a_folder(folder):
     mu = [
-        random_coefficient(DISK, np.random.default_rng(s), kind="image", source=ImageFolder(folder))
-        for s in (1, 1, 2)
+        random_coefficient(DISK, np.random.default_rng(s), kind="image", source=ImageFolder(folder)) for s in (1, 1, 2)
     ]
     assert np.array_equal(mu[0], mu[1]) and abs(mu[0] - mu[2]).max() > 0.05
     assert np.isfinite(mu[0]).all() and MAX_ABS[0] <= abs(mu[0]).max() <= MAX_ABS[1]
@@ -260,9 +216,7 @@ def test_a_part_of_one_grey_is_not_used(tmp_path):
     sky[-2:] = 10
     io.imsave(tmp_path / "sky.png", sky, check_contrast=False)
     for seed in range(5):
-        mu = random_coefficient(
-            DISK, np.random.default_rng(seed), kind="image", size=32, source=ImageFolder(tmp_path)
-        )
+        mu = random_coefficient(DISK, np.random.default_rng(seed), kind="image", size=32, source=ImageFolder(tmp_path))
         assert np.isfinite(mu).all() and abs(mu).max() >= MAX_ABS[0]
 
 
@@ -320,9 +274,7 @@ def test_maps_that_keep_nothing_are_the_solvers():
 
 def test_landmarks_are_moved_by_the_map_that_is_returned():
     corners = np.array([5, 60, 200])
-    p, mu, f = Perturbation(DISK, DISK.z[corners]).draw(
-        np.random.default_rng(4), max_abs=(0.3, 0.3)
-    )
+    p, mu, f = Perturbation(DISK, DISK.z[corners]).draw(np.random.default_rng(4), max_abs=(0.3, 0.3))
     np.testing.assert_allclose(p, f[corners], atol=1e-12)
     assert abs(p - DISK.z[corners]).min() > 1e-3
     measured = DISK.coefficient(f)

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from known_surfaces import grid_faces, icosphere, revolution, sheet, torus
 
 from data_synth.folding_measures import (
     facing_distance,
@@ -15,6 +14,7 @@ from data_synth.folding_measures import (
 )
 from data_synth.intersections import self_intersections
 from data_synth.realism import TARGETS, mesh_metrics, realism, score, weighted_percentiles
+from known_surfaces import grid_faces, icosphere, revolution, sheet, torus
 from qclearn.surfaces.surface import Surface, SurfaceError
 
 
@@ -32,9 +32,7 @@ def test_sphere_cap_in_closed_form():
     length = np.sqrt(cap.area)
     for name in ("curvature_5", "curvature_50", "curvature_95", "curvedness_50", "curvedness_95"):
         assert metrics[name] == pytest.approx(length, rel=0.03), name
-    assert metrics["gyrification_index"] == pytest.approx(
-        2 * 1.8 / (2 * 1.8 + 0.36), rel=0.02
-    )  # zone over zone + lid
+    assert metrics["gyrification_index"] == pytest.approx(2 * 1.8 / (2 * 1.8 + 0.36), rel=0.02)  # zone over zone + lid
     for name in (
         "concave_area",
         "buried_area",
@@ -64,18 +62,9 @@ def test_metrics_have_no_unit_and_no_direction():
     turn = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
     turn *= np.sign(np.linalg.det(turn))
     turned = realism(Surface(surface.vertices @ turn + 9, surface.faces))
-    for name in (
-        "curvature_sd",
-        "curvedness_95",
-        "peak_wavelength",
-        "saddle_area",
-        "minimum_angle_5",
-    ):
+    for name in ("curvature_sd", "curvedness_95", "peak_wavelength", "saddle_area", "minimum_angle_5"):
         assert turned[name] == pytest.approx(metrics[name], rel=1e-6), name
-    for name in (
-        "mean_depth",
-        "buried_area",
-    ):  # the voxels of the depth do not turn with the surface
+    for name in ("mean_depth", "buried_area"):  # the voxels of the depth do not turn with the surface
         assert turned[name] == pytest.approx(metrics[name], rel=0.1), name
 
 
@@ -88,17 +77,13 @@ def test_inward_surface_is_refused():
 def test_score_marks_what_is_outside():
     metrics = {name: (low + high) / 2 for name, (low, high) in TARGETS.items()}
     rows = score(metrics | {"pits": 67, "sulcal_width": np.nan, "curvature_5": -58.0})
-    assert {row.name for row in rows if not row.inside} == {"pits", "sulcal_width"} and len(
-        rows
-    ) == 29
+    assert {row.name for row in rows if not row.inside} == {"pits", "sulcal_width"} and len(rows) == 29
 
 
 def test_mesh_metrics_see_what_is_wrong():
     flat, *_ = sheet(21)
     assert mesh_metrics(flat)["minimum_angle_5"] == pytest.approx(45)
-    tent, _x, _y = sheet(
-        21, height=lambda x, y: 6 * abs(x - 0.5)
-    )  # one crease of 21 edges, bent by 161 degrees
+    tent, _x, _y = sheet(21, height=lambda x, y: 6 * abs(x - 0.5))  # one crease of 21 edges, bent by 161 degrees
     inner_edges = len(tent.edges) - 80
     assert mesh_metrics(tent)["dihedral_flips"] == pytest.approx(20 / inner_edges)
     roof, *_ = sheet(21, height=lambda x, y: 1.3 * abs(x - 0.5))  # bent by 105 degrees
@@ -139,19 +124,12 @@ def test_principal_curvatures_of_a_torus():
 
 def test_bending_leaves_out_what_looks_the_other_way():
     curvatures = []
-    for step in (
-        0.5,
-        0.25,
-    ):  # a crown of 45 degrees an edge over two undercut banks, coarse or fine
+    for step in (0.5, 0.25):  # a crown of 45 degrees an edge over two undercut banks, coarse or fine
         bank = 1 + np.arange(1, 8) * step * (-0.1 - 1j)
         right = np.concatenate([np.exp(1j * np.linspace(np.pi / 2, 0, 3)), bank])
         profile = np.concatenate([-right[:0:-1].conj(), right])
-        points = np.stack(
-            [np.tile(profile.real, 9), np.repeat(np.arange(9) / 2, 19), np.tile(profile.imag, 9)], 1
-        )
-        curvatures.append(
-            [k[4 * 19 + 9] for k in principal_curvatures(Surface(points, grid_faces(9, 19)))]
-        )
+        points = np.stack([np.tile(profile.real, 9), np.repeat(np.arange(9) / 2, 19), np.tile(profile.imag, 9)], 1)
+        curvatures.append([k[4 * 19 + 9] for k in principal_curvatures(Surface(points, grid_faces(9, 19)))])
     assert curvatures[0] == pytest.approx(curvatures[1], rel=1e-9) and curvatures[0][0] > 1
 
 
@@ -169,27 +147,19 @@ def test_sulcal_width_of_a_shaft():
     half, mouth = 0.08, 0.11  # wider where it is not yet buried
     rim = np.arcsin(mouth)
     angle = np.linspace(rim, 2.9, 60)
-    wall = np.concatenate(
-        [half + 1j * np.linspace(0.4, 0.87, 40), mouth + 1j * np.linspace(0.88, np.cos(rim), 10)]
-    )
+    wall = np.concatenate([half + 1j * np.linspace(0.4, 0.87, 40), mouth + 1j * np.linspace(0.88, np.cos(rim), 10)])
     floor = [0.4j, half / 2 + 0.4j]
-    surface = revolution(
-        np.concatenate([floor, wall, (np.sin(angle) + 1j * np.cos(angle))[1:]]), 48
-    )
+    surface = revolution(np.concatenate([floor, wall, (np.sin(angle) + 1j * np.cos(angle))[1:]]), 48)
     metrics = realism(surface)
     assert metrics["sulcal_width"] == pytest.approx(2 * half / np.sqrt(surface.area), rel=0.02)
-    wall_area = (
-        2 * np.pi * (half * 0.47 + mouth * (np.cos(rim) - 0.88))
-    )  # the floor looks out of the shaft
+    wall_area = 2 * np.pi * (half * 0.47 + mouth * (np.cos(rim) - 0.88))  # the floor looks out of the shaft
     assert metrics["occluded_area"] == pytest.approx(wall_area / surface.area, rel=0.1)
 
 
 def test_heat_damps_a_mode_by_its_eigenvalue():
     ball = icosphere(4)
     mode, length = ball.vertices[:, 2] + 1, 0.3
-    exact = (
-        1 + ball.vertices[:, 2] / (1 + 2 * length**2 / 3) ** 3
-    )  # eigenvalue 2, three implicit steps; mean kept
+    exact = 1 + ball.vertices[:, 2] / (1 + 2 * length**2 / 3) ** 3  # eigenvalue 2, three implicit steps; mean kept
     np.testing.assert_allclose(smooth(ball, mode, length), exact, atol=2e-3)
 
 
@@ -217,20 +187,10 @@ def test_centroid_of_a_spectrum():
 def test_pits_and_fundus_of_a_trough():
     surface, x, y = sheet(81)
     trough = np.exp(-(((y - 0.5) / 0.05) ** 2))
-    depth = (
-        trough * (0.8 - 0.2 * np.cos(4 * np.pi * x)) * (x > 0.1) * (x < 0.9)
-    )  # deepest at x = 1/4 and 3/4
-    assert pits_and_fundi(surface, depth, deep=0.3, persistence=0.1) == (
-        2,
-        pytest.approx(0.5, rel=0.05),
-    )
-    assert (
-        pits_and_fundi(surface, depth, deep=0.3, persistence=0.5)[0] == 1
-    )  # the saddle is 0.4 below the peaks
-    assert pits_and_fundi(surface, depth, deep=0.7, persistence=0.1) == (
-        2,
-        0.0,
-    )  # not joined above 0.6
+    depth = trough * (0.8 - 0.2 * np.cos(4 * np.pi * x)) * (x > 0.1) * (x < 0.9)  # deepest at x = 1/4 and 3/4
+    assert pits_and_fundi(surface, depth, deep=0.3, persistence=0.1) == (2, pytest.approx(0.5, rel=0.05))
+    assert pits_and_fundi(surface, depth, deep=0.3, persistence=0.5)[0] == 1  # the saddle is 0.4 below the peaks
+    assert pits_and_fundi(surface, depth, deep=0.7, persistence=0.1) == (2, 0.0)  # not joined above 0.6
     assert pits_and_fundi(surface, -depth, deep=0.3, persistence=0.1) == (0, 0.0)
 
 
@@ -238,9 +198,6 @@ def test_weighted_percentiles_count_by_weight():
     values, weights = np.array([3.0, 1.0, 2.0]), np.array([2.0, 1.0, 1.0])
     repeated = np.sort(np.repeat(values, [200, 100, 100]))
     for percent in (20, 40, 60, 90):
-        assert (
-            abs(weighted_percentiles(values, weights, percent) - np.percentile(repeated, percent))
-            < 0.8
-        )
+        assert abs(weighted_percentiles(values, weights, percent) - np.percentile(repeated, percent)) < 0.8
     assert weighted_percentiles(np.arange(11.0), np.ones(11), 50) == 5
     assert weighted_percentiles(values, weights, 50) == pytest.approx(2 + 0.5 / 1.5)

@@ -14,15 +14,11 @@ from pathlib import Path
 
 def read_options(program, kinds):
     """The options of a fuzzer; program: its docstring."""
-    parser = argparse.ArgumentParser(
-        description=program, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=program, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("kind", choices=kinds)
     parser.add_argument("count", type=int)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument(
-        "--out", type=Path, default=Path(os.devnull), help="a line of JSON for each case"
-    )
+    parser.add_argument("--out", type=Path, default=Path(os.devnull), help="a line of JSON for each case")
     return parser.parse_args()
 
 

@@ -30,44 +30,12 @@ import qclearn as qc
 from qclearn.io.frames import Frame
 from qclearn.io.meshes import SlitWarning, frame_of
 from qclearn.registration.curves import check_curves, read_landmarks
-from qclearn.registration.transfer import (
-    numbering_of_side,
-    read_registration,
-    side_arrays,
-    write_registration,
-)
+from qclearn.registration.transfer import numbering_of_side, read_registration, side_arrays, write_registration
 
 SECONDS, ADDRESSES, RESIDENT = 10, 2 << 30, 600 << 20
 FAULTS = {"noisy", "unnamed", "raw", "wrong", "memory", "hang", "crash"}
-NUMBERS = [
-    0,
-    1,
-    2,
-    255,
-    65535,
-    10**6,
-    5 * 10**8,
-    2**31 - 1,
-    2**31,
-    2**32 - 1,
-    2**63,
-    10**30,
-    -1,
-    -128,
-]
-WORDS = [
-    b"nan",
-    b"inf",
-    b"-inf",
-    b"1e308",
-    b"1e999",
-    b"1.5",
-    b"",
-    b"0x1f",
-    b"9" * 5000,
-    b"1_0",
-    "\u0663".encode(),
-]
+NUMBERS = [0, 1, 2, 255, 65535, 10**6, 5 * 10**8, 2**31 - 1, 2**31, 2**32 - 1, 2**63, 10**30, -1, -128]
+WORDS = [b"nan", b"inf", b"-inf", b"1e308", b"1e999", b"1.5", b"", b"0x1f", b"9" * 5000, b"1_0", "\u0663".encode()]
 
 
 def bowl():
@@ -79,19 +47,8 @@ def bowl():
 
 def framed(surface):
     """What a file of FreeSurfer's says of a surface, as if it had been cut out of itself."""
-    axes = {
-        "xras": [-1.0, 0, 0],
-        "yras": [0.0, 0, -1],
-        "zras": [0.0, 1, 0],
-        "cras": [3.5, 12.25, -7.0],
-    }
-    volume = {
-        "head": [2, 0, 20],
-        "valid": "1",
-        "filename": "orig.mgz",
-        "volume": [256] * 3,
-        "voxelsize": [1.0] * 3,
-    }
+    axes = {"xras": [-1.0, 0, 0], "yras": [0.0, 0, -1], "zras": [0.0, 1, 0], "cras": [3.5, 12.25, -7.0]}
+    volume = {"head": [2, 0, 20], "valid": "1", "filename": "orig.mgz", "volume": [256] * 3, "voxelsize": [1.0] * 3}
     return Frame("left", "tkr", volume | axes, "Pial", len(surface.vertices), surface.faces)
 
 
@@ -99,40 +56,17 @@ def bases(folder):
     """name -> bytes: sound files in every format that is read."""
     surface, folder = bowl(), Path(folder)
     heights, labels = surface.vertices[:, 2], np.arange(len(surface.vertices)) % 5
-    for name in (
-        "s.npz",
-        "s.gii",
-        "s.gii.gz",
-        "s.ply",
-        "s.obj",
-        "s.off",
-        "s.stl",
-        "s.vtk",
-        "s.vtp",
-        "lh.pial",
-    ):
+    for name in ("s.npz", "s.gii", "s.gii.gz", "s.ply", "s.obj", "s.off", "s.stl", "s.vtk", "s.vtp", "lh.pial"):
         qc.write_surface(folder / name, surface, frame=framed(surface))
-    for name in (
-        "v.npy",
-        "v.txt",
-        "v.shape.gii",
-        "v.func.gii.gz",
-        "v.mgh",
-        "v.mgz",
-        "lh.thickness",
-    ):
+    for name in ("v.npy", "v.txt", "v.shape.gii", "v.func.gii.gz", "v.mgh", "v.mgz", "lh.thickness"):
         qc.write_values(folder / name, heights)
     qc.write_values(folder / "v.label.gii", labels)
     table = np.array([[k * 40, 20, 200 - k * 30, 0, 0] for k in range(5)])
     nibabel.freesurfer.write_annot(
         folder / "lh.regions.annot", labels, table, [f"r{k}" for k in range(5)], fill_ctab=True
     )
-    (folder / "m.label").write_text(
-        "#!ascii label\n12\n" + "".join(f"{k} 1.0 2.0 3.0 0.0\n" for k in range(12))
-    )
-    (folder / "c.json").write_text(
-        json.dumps({"curves": [{"name": "a", "moving": [0, 40], "control": [3, 45]}]})
-    )
+    (folder / "m.label").write_text("#!ascii label\n12\n" + "".join(f"{k} 1.0 2.0 3.0 0.0\n" for k in range(12)))
+    (folder / "c.json").write_text(json.dumps({"curves": [{"name": "a", "moving": [0, 40], "control": [3, 45]}]}))
     image = nibabel.load(folder / "s.gii")
     for array in image.darrays:
         array.encoding = 1  # ASCII
@@ -173,24 +107,16 @@ def mutated(data, dice):
     elif kind == 2:
         del data[place : place + length]
     elif kind == 3:
-        data[place:place] = dice.choice(
-            [data[place : place + length], dice.randbytes(length), b"\0" * length]
-        )
+        data[place:place] = dice.choice([data[place : place + length], dice.randbytes(length), b"\0" * length])
     elif kind == 4:
         data[place : place + 1] = dice.choice(
             [b" ", b"\n", b"-", b".", b'"', b"<", b">", b"&", b"[", b"{", b"\0", b"\x1b[2J"]
         )
     elif kind == 5:
-        data[place : place + 4] = (dice.choice(NUMBERS) % 2**32).to_bytes(
-            4, dice.choice(["big", "little"])
-        )
+        data[place : place + 4] = (dice.choice(NUMBERS) % 2**32).to_bytes(4, dice.choice(["big", "little"]))
     else:
         head = bytes(data[: dice.choice([200, 1500, len(data)])])
-        starts = [
-            k
-            for k in range(len(head))
-            if head[k : k + 1].isdigit() and not head[k - 1 : k].isdigit()
-        ]
+        starts = [k for k in range(len(head)) if head[k : k + 1].isdigit() and not head[k - 1 : k].isdigit()]
         if starts:
             start = dice.choice(starts[:16] if kind == 6 else starts)
             end = start + len(head[start:]) - len(head[start:].lstrip(b"0123456789"))
@@ -230,10 +156,7 @@ def crafted(sound, blocks=96):
             (b'Dim0="49"', b'Dim0="1000000000000"'),
         ):
             yield name, sound["s.gii"].replace(old, new)
-    for entity in (
-        b'<!ENTITY a "' + b"1 " * 50000 + b'">',
-        b'<!ENTITY a SYSTEM "file://%s">' % b"/etc/passwd",
-    ):
+    for entity in (b'<!ENTITY a "' + b"1 " * 50000 + b'">', b'<!ENTITY a SYSTEM "file://%s">' % b"/etc/passwd"):
         text = gii[gii.index(b"<GIFTI") :].replace(b"<Data>", b"<Data>" + b"&a;" * 3000)
         yield "s.gii", b'<?xml version="1.0"?><!DOCTYPE GIFTI [' + entity + b"]>" + text
     yield "s.gii", gii.replace(b'Encoding="ASCII"', b'Encoding="ExternalFileBinary"')
@@ -250,10 +173,7 @@ def crafted(sound, blocks=96):
     )
     yield "s.vtp", sound["s.vtp"].replace(b'NumberOfPoints="49"', b'NumberOfPoints="400000000"')
     counts = sound["lh.pial"].index(b"\n\n") + 2
-    yield (
-        "lh.pial",
-        sound["lh.pial"][:counts] + b"\x7f\xff\xff\xff" * 2 + sound["lh.pial"][counts + 8 :],
-    )
+    yield ("lh.pial", sound["lh.pial"][:counts] + b"\x7f\xff\xff\xff" * 2 + sound["lh.pial"][counts + 8 :])
     for shape in ("(1000000000000000, 3)", "(100000000, 3)", "(-1, 3)"):
         header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".ljust(117) + "\n"
         npy = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode() + bytes(64)
@@ -263,10 +183,7 @@ def crafted(sound, blocks=96):
             archive.writestr("faces.npy", sound["v.npy"])
         yield from (("v.npy", npy), ("s.npz", packed.getvalue()))
     packed = io.BytesIO()
-    with (
-        zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive,
-        archive.open("curve_x.npy", "w") as member,
-    ):
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("curve_x.npy", "w") as member:
         for _ in range(blocks):
             member.write(zeros)
     yield "s.npz", packed.getvalue()
@@ -284,15 +201,8 @@ def crafted(sound, blocks=96):
 def sound_registration(path):
     """A registration.npz of the bowl onto itself, by a turn."""
     z, faces = qc.polar_disk(4, 12)
-    disks = {
-        "disk_map": z * np.exp(0.3j),
-        "disk_control": z,
-        "faces_moving": faces,
-        "faces_control": faces,
-    }
-    surface = qc.Surface(
-        np.stack([z.real, z.imag, 1 - abs(z) ** 2], axis=1), faces, {}, np.arange(len(z)) + 2
-    )
+    disks = {"disk_map": z * np.exp(0.3j), "disk_control": z, "faces_moving": faces, "faces_control": faces}
+    surface = qc.Surface(np.stack([z.real, z.imag, 1 - abs(z) ** 2], axis=1), faces, {}, np.arange(len(z)) + 2)
     frame = Frame("left", kind="Pial", count=len(z) + 2, whole=np.arange(len(z) + 2).reshape(-1, 3))
     sides = side_arrays("moving", surface, frame) | side_arrays("control", surface, frame)
     write_registration(path, disks | sides | {"mirrored": np.array(False)})
@@ -327,12 +237,7 @@ def damaged_registration(path, dice, checksum):
             lambda: -array,
         ]
     else:
-        changed = [
-            lambda: np.array(99),
-            lambda: np.array("x"),
-            lambda: np.array([1, 2]),
-            lambda: np.array(np.nan),
-        ]
+        changed = [lambda: np.array(99), lambda: np.array("x"), lambda: np.array([1, 2]), lambda: np.array(np.nan)]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of casts
         arrays[name] = dice.choice(changed)()
@@ -360,11 +265,7 @@ def consume(path):
     else:
         read = qc.read_surface(path)
         frame_of(path)
-        assert (
-            np.isfinite(read.vertices).all()
-            and read.faces.min() >= 0
-            and read.faces.max() < len(read.vertices)
-        )
+        assert np.isfinite(read.vertices).all() and read.faces.min() >= 0 and read.faces.max() < len(read.vertices)
 
 
 def verdict(path):
@@ -377,9 +278,7 @@ def verdict(path):
             result = "accepted", ""
         except (qc.SurfaceError, qc.LandmarkError) as error:
             text = str(error)
-            named = path.name in text or isinstance(
-                error, qc.LandmarkError
-            )  # of check_curves, which knows no file
+            named = path.name in text or isinstance(error, qc.LandmarkError)  # of check_curves, which knows no file
             plain = "\n" not in text and len(text) < 3000 and "\x1b" not in text
             result = "refused" if named and plain else "unnamed", text
         except AssertionError as error:
@@ -388,11 +287,7 @@ def verdict(path):
             result = "memory", repr(error)
         except Exception as error:
             result = "raw", repr(error)
-    return (
-        ("noisy", str(caught[0].message))
-        if caught and result[0] in ("accepted", "refused")
-        else result
-    )
+    return ("noisy", str(caught[0].message)) if caught and result[0] in ("accepted", "refused") else result
 
 
 def guarded(path, before):
@@ -404,19 +299,11 @@ def guarded(path, before):
         for stream in (1, 2):
             os.dup2(os.open(log, os.O_CREAT | os.O_WRONLY | os.O_APPEND), stream)
         found, text = verdict(path)
-        peak = (
-            max(
-                resource.getrusage(who).ru_maxrss
-                for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-            )
-            * 1024
-        )
+        peak = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)) * 1024
         return ("memory", found) if peak > before + RESIDENT else (found, text[:300])
 
     found = forked(work, path.with_name("answer"), SECONDS, ADDRESSES)
-    return (
-        ("noisy", log.read_text()[:300]) if found[0] not in FAULTS and log.read_bytes() else found
-    )
+    return ("noisy", log.read_text()[:300]) if found[0] not in FAULTS and log.read_bytes() else found
 
 
 def cases(kind, count, seed, folder):
@@ -426,23 +313,16 @@ def cases(kind, count, seed, folder):
         for number, (name, data) in enumerate(crafted(sound)):
             yield f"{number} {name}", lambda place, name=name, data=data: write(place / name, data)
         return
-    names = [
-        name for name in sound for _ in range(1 if ".vt" in name else 4)
-    ]  # VTK's take a process each
+    names = [name for name in sound for _ in range(1 if ".vt" in name else 4)]  # VTK's take a process each
     for number in range(count):
         dice = random.Random(f"{kind} {seed} {number}")
         if kind == "registration":
-            yield (
-                str(number),
-                lambda place, dice=dice: register_damaged(place / "registration.npz", dice),
-            )
+            yield (str(number), lambda place, dice=dice: register_damaged(place / "registration.npz", dice))
         else:
             name = dice.choice(names)
             yield (
                 f"{number} {name}",
-                lambda place, name=name, dice=dice: write(
-                    place / name, damaged(name, sound[name], dice)
-                ),
+                lambda place, name=name, dice=dice: write(place / name, damaged(name, sound[name], dice)),
             )
 
 

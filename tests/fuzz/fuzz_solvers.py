@@ -37,9 +37,7 @@ def turns(a, b, c):
     sides = np.maximum(abs(b - a), abs(c - a))
     sign = np.sign(left - right).astype(int)
     for k in np.flatnonzero(~(abs(left - right) > 1e-14 * sides * (size + sides))):
-        (ax, ay), (bx, by), (cx, cy) = (
-            (Fraction(float(p[k].real)), Fraction(float(p[k].imag))) for p in (a, b, c)
-        )
+        (ax, ay), (bx, by), (cx, cy) = ((Fraction(float(p[k].real)), Fraction(float(p[k].imag))) for p in (a, b, c))
         area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
         sign[k] = (area > 0) - (area < 0)
     return sign
@@ -78,15 +76,9 @@ def disk(rng, low, high):
     while True:
         n = int(np.exp(rng.uniform(np.log(low), np.log(high))))
         angles = np.sort(
-            rng.choice([rng.uniform(size=n), rng.beta(0.4, 0.4, n), np.arange(n) / n])[
-                :: max(1, int(np.sqrt(n) / 4))
-            ]
+            rng.choice([rng.uniform(size=n), rng.beta(0.4, 0.4, n), np.arange(n) / n])[:: max(1, int(np.sqrt(n) / 4))]
         )
-        inner = (
-            np.sqrt(rng.uniform(size=n))
-            if rng.random() < 0.6
-            else 1 - 10.0 ** rng.uniform(-5, -0.1, n)
-        )
+        inner = np.sqrt(rng.uniform(size=n)) if rng.random() < 0.6 else 1 - 10.0 ** rng.uniform(-5, -0.1, n)
         points = inner * np.exp(2j * np.pi * rng.uniform(size=n))
         if rng.random() < 0.3:
             points = 0.5 * points[rng.integers(0, 5, n)] + 10.0 ** rng.uniform(-5, -1, n) * points
@@ -97,9 +89,7 @@ def disk(rng, low, high):
         try:
             used, corners = np.unique(faces, return_inverse=True)
             corners = corners.reshape(-1, 3)
-            qc.require_disk(
-                qc.Surface(np.stack([z[used].real, z[used].imag, 0 * used], axis=1), corners)
-            )
+            qc.require_disk(qc.Surface(np.stack([z[used].real, z[used].imag, 0 * used], axis=1), corners))
         except qc.SurfaceError:
             continue
         on_circle = np.abs(abs(z[used][rim(corners)]) - 1).max() < 1e-12
@@ -114,8 +104,7 @@ def beltrami_case(rng):
         [
             np.ones(len(faces)),
             np.exp(4j * centre.real),
-            np.sqrt(rng.uniform(size=len(faces)))
-            * np.exp(2j * np.pi * rng.uniform(size=len(faces))),
+            np.sqrt(rng.uniform(size=len(faces))) * np.exp(2j * np.pi * rng.uniform(size=len(faces))),
             abs(centre) ** 6 * np.exp(2j * np.angle(centre)),
         ]
     )
@@ -126,9 +115,7 @@ def beltrami_case(rng):
 def lifted(rng, z):
     """Points in space over a disk: hills, a roll, a tongue, a bulb, noise, tiny, huge or far away."""
     x, y, kind = z.real, z.imag, rng.integers(8)
-    hills = sum(
-        rng.normal() * np.sin(rng.normal() * 6 * x + rng.normal() * 6 * y) for _ in range(5)
-    )
+    hills = sum(rng.normal() * np.sin(rng.normal() * 6 * x + rng.normal() * 6 * y) for _ in range(5))
     t, q = rng.uniform(2, 20) * (x + 1.5), abs(z) * np.pi * rng.uniform(0.5, 0.999)
     roll, bulb = (
         np.stack([t * np.cos(t), t * np.sin(t), 3 * y], 1),
@@ -182,46 +169,24 @@ def register_case(rng):
         z, faces = disk(rng, 200, 1200)
         q, h = 2.2 * abs(z), 1 + 0.1 * np.sin(5 * rng.normal() * z.real)
         points = 50 * np.stack(
-            [
-                h * np.sin(q) * np.cos(np.angle(z)),
-                h * np.sin(q) * np.sin(np.angle(z)),
-                h * np.cos(q),
-            ],
-            1,
+            [h * np.sin(q) * np.cos(np.angle(z)), h * np.sin(q) * np.sin(np.angle(z)), h * np.cos(q)], 1
         )
         surface = qc.Surface(points, faces)
-        sides.append(
-            surface if surface.volume > 0 else qc.Surface(points * [1, 1, -1], faces[:, ::-1])
-        )
+        sides.append(surface if surface.volume > 0 else qc.Surface(points * [1, 1, -1], faces[:, ::-1]))
     curves, rims = [], rng.random() < 0.2
     for k in range(int(rng.integers(1, 6))):
         ends = {
-            name: rng.choice(
-                side.boundary if rims else len(side.vertices), 2, replace=False
-            ).tolist()
+            name: rng.choice(side.boundary if rims else len(side.vertices), 2, replace=False).tolist()
             for name, side in zip(("moving", "control"), sides)
         }
         curves.append({"name": f"c{k}", **ends})
     problems = []  # of landmarks, as they are stated
-    with patch(
-        "qclearn.registration.pair.Problem",
-        lambda *given: problems.append(Problem(*given)) or problems[-1],
-    ):
+    with patch("qclearn.registration.pair.Problem", lambda *given: problems.append(Problem(*given)) or problems[-1]):
         result = qc.register(*sides, {"curves": curves}, features=None, accept_suspect=True)
-    return (
-        sides[0].faces,
-        result.disk_map,
-        result.report["bijective"],
-        above(problems[-1], result.disk_map),
-    )
+    return (sides[0].faces, result.disk_map, result.report["bijective"], above(problems[-1], result.disk_map))
 
 
-CASES = {
-    "beltrami": beltrami_case,
-    "conformal": conformal_case,
-    "fit": fit_case,
-    "register": register_case,
-}
+CASES = {"beltrami": beltrami_case, "conformal": conformal_case, "fit": fit_case, "register": register_case}
 
 
 def verdict(kind, seed, number):
@@ -246,19 +211,10 @@ def main():
     options = read_options(__doc__, list(CASES))
 
     def guarded(number, folder):
-        return forked(
-            lambda: verdict(options.kind, options.seed, number),
-            folder / str(number),
-            SECONDS,
-            ADDRESSES,
-        )
+        return forked(lambda: verdict(options.kind, options.seed, number), folder / str(number), SECONDS, ADDRESSES)
 
     with tempfile.TemporaryDirectory() as folder:
-        tally(
-            ((number, *guarded(number, Path(folder))) for number in range(options.count)),
-            FAULTS,
-            options.out,
-        )
+        tally(((number, *guarded(number, Path(folder))) for number in range(options.count)), FAULTS, options.out)
 
 
 if __name__ == "__main__":

@@ -48,11 +48,7 @@ def test_damaged_registrations_are_refused_or_sound(fuzz, tmp_path):
         fuzz.damaged_registration(path, random.Random(f"test {number}"), checksum=number % 2 == 0)
         found[number] = fuzz.verdict(path)
     assert {case: result for case, result in found.items() if result[0] in fuzz.FAULTS} == {}
-    assert all(
-        found[number][0] == "refused"
-        for number in range(0, 60, 2)
-        if "checksum" in found[number][1]
-    )
+    assert all(found[number][0] == "refused" for number in range(0, 60, 2) if "checksum" in found[number][1])
 
 
 def test_attacks_are_refused_within_bounds(fuzz, sound, tmp_path):
@@ -60,12 +56,9 @@ def test_attacks_are_refused_within_bounds(fuzz, sound, tmp_path):
     attacks = list(fuzz.crafted(sound, blocks=6))
     assert len(attacks) > 25
     found = {
-        number: fuzz.guarded(fuzz.write(tmp_path / name, data), 1 << 40)
-        for number, (name, data) in enumerate(attacks)
+        number: fuzz.guarded(fuzz.write(tmp_path / name, data), 1 << 40) for number, (name, data) in enumerate(attacks)
     }
-    assert {
-        attacks[case][0]: result for case, result in found.items() if result[0] in fuzz.FAULTS
-    } == {}
+    assert {attacks[case][0]: result for case, result in found.items() if result[0] in fuzz.FAULTS} == {}
 
 
 def test_a_planted_bug_is_seen_as_one(fuzz, sound, tmp_path, monkeypatch):
@@ -75,9 +68,7 @@ def test_a_planted_bug_is_seen_as_one(fuzz, sound, tmp_path, monkeypatch):
         return {}["vertices"]
 
     monkeypatch.setitem(
-        importlib.import_module("qclearn.io.meshes")._READERS,
-        ".ply",
-        ("PLY file", lambda path, data: buggy(data)),
+        importlib.import_module("qclearn.io.meshes")._READERS, ".ply", ("PLY file", lambda path, data: buggy(data))
     )
     path = fuzz.write(tmp_path / "s.ply", sound["s.ply"])
     with pytest.raises(KeyError):

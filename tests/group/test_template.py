@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from distributed import LocalCluster
-from exactmaps import twist
 
 import qclearn as qc
+from exactmaps import twist
 from qclearn.cli import main
 from qclearn.group import subject as of
 from qclearn.group.members import members_of
@@ -35,10 +35,7 @@ def bowl(rings, height):
 
 def folds(w):
     """Two maps of the disk that no symmetry takes to themselves."""
-    return (
-        np.cos(8 * w.real + 2 * w.imag) + w.real,
-        np.sin(7 * w.imag + 4 * w.real**2) - 0.5 * w.imag,
-    )
+    return (np.cos(8 * w.real + 2 * w.imag) + w.real, np.sin(7 * w.imag + 4 * w.real**2) - 0.5 * w.imag)
 
 
 def place(surface):
@@ -57,16 +54,12 @@ def quick():
     with pytest.MonkeyPatch.context() as patch:
         for name, value in {"ROUNDS": 8}.items():
             patch.setattr(features, name, value)
-        patch.setattr(
-            "qclearn.group.template.commit", lambda: "c0ffee"
-        )  # somebody may work on the checkout
+        patch.setattr("qclearn.group.template.commit", lambda: "c0ffee")  # somebody may work on the checkout
         yield
 
 
 def of_bowls(number=2, **options):
-    return qc.template(
-        SURFACES, FEATURES, **{"rounds": number, "delta": 1.0, "workers": 1} | options
-    )
+    return qc.template(SURFACES, FEATURES, **{"rounds": number, "delta": 1.0, "workers": 1} | options)
 
 
 @pytest.fixture(scope="module")
@@ -95,9 +88,7 @@ def test_the_maps_bring_together_what_belongs_together(found):
     first, *_, last = found.report["rounds"]
     areas = SURFACES["bowl 1"].vertex_areas
     for name, maps in zip(("sulc", "myelin"), MAPS[1]):
-        most = np.cov(
-            maps, aweights=areas, ddof=0
-        )  # of one subject's map, where others blur nothing
+        most = np.cov(maps, aweights=areas, ddof=0)  # of one subject's map, where others blur nothing
         assert first["variance"][name] < last["variance"][name] < 1.02 * most
         assert last["r"][name] > 0.98
 
@@ -105,9 +96,7 @@ def test_the_maps_bring_together_what_belongs_together(found):
 def test_the_average_of_the_inverse_maps_is_the_identity(found):
     """Measured here from the maps themselves; along the rim they are laid on the circle."""
     inverses = [
-        (disk := Disk(found.disk_maps[name], surface.faces)).interpolate(
-            found.disks[name], disk.locate(found.disk)
-        )
+        (disk := Disk(found.disk_maps[name], surface.faces)).interpolate(found.disks[name], disk.locate(found.disk))
         for name, surface in SURFACES.items()
     ]
     inner = abs(found.disk) < 0.95
@@ -134,9 +123,7 @@ def test_it_stands_still_after_a_few_rounds(found, folder):
 def test_the_order_of_the_subjects_makes_no_difference(folder):
     names = list(SURFACES)[::-1]
     features = [(name, maps[::-1]) for name, maps in FEATURES]
-    other = qc.template(
-        {name: SURFACES[name] for name in names}, features, rounds=1, delta=1.0, workers=1
-    )
+    other = qc.template({name: SURFACES[name] for name in names}, features, rounds=1, delta=1.0, workers=1)
     same = of_bowls(1, folder=folder)
     np.testing.assert_array_equal(other.surface.vertices, same.surface.vertices)
     for name in names:
@@ -153,18 +140,11 @@ def test_a_run_that_was_stopped_goes_on(found, folder, monkeypatch):
     again = of_bowls(folder=folder)
     assert len(asked) == 2 and again.report == found.report
     np.testing.assert_array_equal(again.surface.vertices, found.surface.vertices)
-    assert [path.name for path in folder.iterdir() if not path.name.startswith("round-")] == [
-        "settings.json"
-    ]
+    assert [path.name for path in folder.iterdir() if not path.name.startswith("round-")] == ["settings.json"]
 
 
 def test_a_scheduler_gives_what_this_process_gives(found, folder):
-    options = {
-        "n_workers": 1,
-        "threads_per_worker": 1,
-        "processes": False,
-        "dashboard_address": "127.0.0.1:0",
-    }
+    options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": "127.0.0.1:0"}
     with LocalCluster(**options) as cluster:
         other = of_bowls(folder=folder, scheduler=cluster.scheduler_address)
     np.testing.assert_array_equal(other.surface.vertices, found.surface.vertices)
@@ -180,25 +160,16 @@ def test_a_suspect_subject_is_named_and_takes_no_part(found, folder, tmp_path):
     two = of_bowls(1, folder=tmp_path / "rounds")
     assert two.left_out == two.report["left_out"] == {"bowl 2": ["features: hardly agree"]}
     assert set(two.disk_maps) == {"bowl 0", "bowl 1"}
-    assert (
-        np.linalg.norm(
-            two.surface.vertices - of_bowls(1, folder=folder).surface.vertices, axis=1
-        ).mean()
-        > 1e-3
-    )
+    assert np.linalg.norm(two.surface.vertices - of_bowls(1, folder=folder).surface.vertices, axis=1).mean() > 1e-3
     rounds.write(1, keys["bowl 1"], Fitted(None, ["folds: everywhere"]))
-    with pytest.raises(
-        qc.TemplateError, match="fewer than two .* .bowl 1: folds: everywhere; bowl 2: features:"
-    ):
+    with pytest.raises(qc.TemplateError, match="fewer than two .* .bowl 1: folds: everywhere; bowl 2: features:"):
         of_bowls(1, folder=tmp_path / "rounds")
 
 
 def test_a_map_that_folds_or_strays_is_suspect(monkeypatch):
     surface, names = SURFACES["bowl 0"], ["sulc"]
     one = of.prepared(surface, names, {"sulc": MAPS[0][0]})
-    other = of.alone(
-        of.prepared(surface, names, {"sulc": np.random.default_rng(0).normal(size=len(MAPS[0][0]))})
-    )
+    other = of.alone(of.prepared(surface, names, {"sulc": np.random.default_rng(0).normal(size=len(MAPS[0][0]))}))
     (reason,) = of.fitted(one, other, Weights(delta=0.3)).reasons
     assert reason.startswith("features: 'sulc' of the two sides hardly agrees")
 
@@ -225,8 +196,7 @@ def test_a_mean_of_shapes_is_turned_and_shifted_onto_one_place():
 
 def test_the_mean_is_the_sum_over_the_count():
     shares = [
-        Shared(np.full((4, 3), k), np.full((4, 1), k), {4.0: np.full((4, 1), k)}, np.full(4, k))
-        for k in (1.0, 4.0)
+        Shared(np.full((4, 3), k), np.full((4, 1), k), {4.0: np.full((4, 1), k)}, np.full(4, k)) for k in (1.0, 4.0)
     ]
     flat = Mean(np.zeros((4, 3)), np.zeros((4, 1)), {}, np.ones(4), Disk(np.zeros(4), [[0, 1, 2]]))
     mean = mean_of(iter(shares), 2, flat)
@@ -251,33 +221,13 @@ SOME = list(SURFACES.values())
         (SOME[:1], {}, qc.TemplateError, "1 subjects: .* give at least two"),
         (SOME[0], {}, qc.TemplateError, "give a list of surfaces, or a dict"),
         ([SOME[0], "lh.pial"], {}, qc.TemplateError, "subject 2: 'lh.pial' is no Surface; read"),
-        (
-            changed(generation=(2, 3)),
-            {},
-            qc.TemplateError,
-            "more than one generation .subject 1: 2, subject 2: 3.",
-        ),
+        (changed(generation=(2, 3)), {}, qc.TemplateError, "more than one generation .subject 1: 2, subject 2: 3."),
         (changed(hemisphere=("left", "right")), {}, qc.TemplateError, "more than one hemisphere"),
-        (
-            {"a": SOME[0], "b": Surface(SOME[1].vertices, SOME[1].faces[:, ::-1])},
-            {},
-            SurfaceError,
-            "b: .* inward",
-        ),
-        (
-            SOME,
-            {"features": ["sulc"]},
-            FeatureError,
-            "unknown feature 'sulc': depth and curvature are computed",
-        ),
+        ({"a": SOME[0], "b": Surface(SOME[1].vertices, SOME[1].faces[:, ::-1])}, {}, SurfaceError, "b: .* inward"),
+        (SOME, {"features": ["sulc"]}, FeatureError, "unknown feature 'sulc': depth and curvature are computed"),
         (SOME, {"features": "depth"}, FeatureError, "give a list of them"),
         (SOME, {"features": ["depth", "depth"]}, FeatureError, "named twice"),
-        (
-            SOME,
-            {"features": [("sulc", MAPS[0])]},
-            FeatureError,
-            "a list of 3 arrays, one a subject",
-        ),
+        (SOME, {"features": [("sulc", MAPS[0])]}, FeatureError, "a list of 3 arrays, one a subject"),
         (SOME, {"features": [("sulc", [MAPS[0][0]] * 3)]}, FeatureError, "sulc, subject 2: shape"),
         (SOME, {"rounds": -1}, qc.TemplateError, "-1 rounds"),
         (SOME, {"workers": 0}, qc.TemplateError, "0 workers"),
@@ -291,23 +241,15 @@ def test_what_cannot_be_a_group_is_refused(subjects, options, error, words):
 
 def test_a_subject_of_the_other_side_is_named():
     turned = qc.mirror(SURFACES["bowl 2"])
-    with pytest.raises(
-        qc.TemplateError, match="^bowl 2: of the other side than most; mirror them first"
-    ):
+    with pytest.raises(qc.TemplateError, match="^bowl 2: of the other side than most; mirror them first"):
         qc.template(SURFACES | {"bowl 2": turned}, FEATURES, rounds=0, workers=1)
 
 
-def test_the_folder_of_another_run_and_one_that_cannot_be_written_are_refused(
-    folder, found, tmp_path
-):
-    with pytest.raises(
-        qc.TemplateError, match="begun with other settings .delta differ.: give the same"
-    ):
+def test_the_folder_of_another_run_and_one_that_cannot_be_written_are_refused(folder, found, tmp_path):
+    with pytest.raises(qc.TemplateError, match="begun with other settings .delta differ.: give the same"):
         of_bowls(folder=folder, delta=0.5)
     (tmp_path / "file").touch()
-    with pytest.raises(
-        qc.TemplateError, match="file: cannot be used .File exists.; give another folder"
-    ):
+    with pytest.raises(qc.TemplateError, match="file: cannot be used .File exists.; give another folder"):
         of_bowls(folder=tmp_path / "file")
     (tmp_path / "settings.json").write_text("{")
     with pytest.raises(qc.TemplateError, match="cannot be used"):
@@ -334,17 +276,7 @@ def test_the_command_writes_what_the_others_read(tmp_path, capsys):
         assert set(made) == {"vertices", "faces", "disk", "map_depth", "map_curvature"}
     np.save(tmp_path / "values.npy", np.linspace(0, 1, len(SURFACES["bowl 0"].vertices)))
     file = str(tmp_path / "out" / report["files"][paths[0]])
-    main(
-        [
-            "transfer",
-            file,
-            str(tmp_path / "values.npy"),
-            "--to",
-            "control",
-            "--out",
-            str(tmp_path / "there.npy"),
-        ]
-    )
+    main(["transfer", file, str(tmp_path / "values.npy"), "--to", "control", "--out", str(tmp_path / "there.npy")])
     assert len(np.load(tmp_path / "there.npy")) == len(made_vertices(tmp_path))
 
 
@@ -377,11 +309,7 @@ def test_the_command_names_who_is_left_out(found, tmp_path, monkeypatch, capsys)
     [
         ({"generation": (2, 3)}, [], "subjects of more than one generation"),
         ({"hemisphere": ("left", "right")}, [], "subjects of more than one hemisphere"),
-        (
-            {"hemisphere": ("left", "left")},
-            ["--mirror", "0.npz"],
-            "subjects of more than one hemisphere",
-        ),
+        ({"hemisphere": ("left", "left")}, ["--mirror", "0.npz"], "subjects of more than one hemisphere"),
         ({}, ["--mirror", "lh.pial"], "--mirror lh.pial: not one of the subjects"),
         ({}, ["0.npz"], "a subject is given twice"),
         ({}, ["--rounds", "-1"], "-1 rounds"),

@@ -22,9 +22,9 @@ def test_a_finished_part_is_made_once(tmp_path):
     for _ in range(2):
         arrays = Checkpoint(tmp_path / "run", {"steps": 3}, RunError).arrays("one.npz", make)
         assert arrays["a"].tolist() == [0, 1, 2] and str(arrays["name"]) == "x"
-        assert Checkpoint(tmp_path / "run", {"steps": 3}, RunError).json(
-            "two.json", lambda: {"n": len(calls)}
-        ) == {"n": 1}
+        assert Checkpoint(tmp_path / "run", {"steps": 3}, RunError).json("two.json", lambda: {"n": len(calls)}) == {
+            "n": 1
+        }
     assert Checkpoint(tmp_path / "run", {"steps": 3}, RunError).names() == ["one.npz", "two.json"]
 
 
@@ -36,9 +36,7 @@ def test_without_a_folder_nothing_is_stored():
 
 def test_settings_that_differ_are_named(tmp_path):
     Checkpoint(tmp_path, {"network": {"size": 1, "rate": 2}, "steps": 3}, RunError)
-    with pytest.raises(
-        RunError, match=r"other settings \(network.rate, steps differ\): give the same"
-    ):
+    with pytest.raises(RunError, match=r"other settings \(network.rate, steps differ\): give the same"):
         Checkpoint(tmp_path, {"network": {"size": 1, "rate": 5}, "steps": 4}, RunError)
     assert json.loads((tmp_path / "settings.json").read_text())["steps"] == 3
 

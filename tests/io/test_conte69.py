@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from known_surfaces import sphere
 
+from known_surfaces import sphere
 from qclearn.io.conte69 import MAPS, SIDES, conte69
 from qclearn.io.meshes import write_surface
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror
@@ -48,20 +48,15 @@ def test_sides_of_two_meshes_are_refused(folder):
     order = np.random.default_rng(0).permutation(N)
     shuffled = Surface(BALL.vertices[order], np.argsort(order)[BALL.faces])
     write_surface(folder / "surfaces/conte69_32k_rh.gii", shuffled)
-    with pytest.raises(
-        SurfaceError, match="two sides of conte69 differ in their mesh; install brainspace again"
-    ):
+    with pytest.raises(SurfaceError, match="two sides of conte69 differ in their mesh; install brainspace again"):
         conte69(folder)
 
 
 @pytest.mark.parametrize(
-    "text, message",
-    [("1\n2\n", "2 numbers for 642"), ("thick\n", "cannot be read"), (None, "cannot be read")],
+    "text, message", [("1\n2\n", "2 numbers for 642"), ("thick\n", "cannot be read"), (None, "cannot be read")]
 )
 def test_a_damaged_file_is_named(folder, text, message):
     path = folder / "surfaces/conte69_32k_rh_mask.csv"
     path.unlink() if text is None else path.write_text(text)
-    with pytest.raises(
-        SurfaceError, match=f"conte69_32k_rh_mask.csv: {message}.*install brainspace again"
-    ):
+    with pytest.raises(SurfaceError, match=f"conte69_32k_rh_mask.csv: {message}.*install brainspace again"):
         conte69(folder)

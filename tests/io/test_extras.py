@@ -13,9 +13,7 @@ BLOCKED = "import sys; sys.modules[{!r}] = None; {}"
 
 def last_line(package, program):
     """What a program says on stderr at its end where a package is missing."""
-    ran = subprocess.run(
-        [sys.executable, "-c", BLOCKED.format(package, program)], capture_output=True, text=True
-    )
+    ran = subprocess.run([sys.executable, "-c", BLOCKED.format(package, program)], capture_output=True, text=True)
     assert ran.returncode
     return ran.stderr.strip().splitlines()
 
@@ -29,35 +27,20 @@ def last_line(package, program):
         ("torch", "from qclearn.nets import load", "nets"),
         ("safetensors", "from qclearn.nets.weights import load", "nets"),
         ("torch", "import data_synth.training", "nets"),
-        (
-            "distributed",
-            "from qclearn.benchmark import benchmark; benchmark('out.json')",
-            "benchmark",
-        ),
+        ("distributed", "from qclearn.benchmark import benchmark; benchmark('out.json')", "benchmark"),
         ("brainspace", "from qclearn.io.conte69 import conte69; conte69()", "conte69"),
-        (
-            "cat_surf",
-            "from qclearn.benchmark.methods.spheres import inflated; inflated(None)",
-            "peers",
-        ),
-        (
-            "cat_surf",
-            "from qclearn.benchmark.methods import spherical_demons; spherical_demons(None)",
-            "peers",
-        ),
+        ("cat_surf", "from qclearn.benchmark.methods.spheres import inflated; inflated(None)", "peers"),
+        ("cat_surf", "from qclearn.benchmark.methods import spherical_demons; spherical_demons(None)", "peers"),
         (
             "jsonschema",
-            "from qclearn.benchmark.measured import check_schema; check_schema('out.json', {}, "
-            "'networks')",
+            "from qclearn.benchmark.measured import check_schema; check_schema('out.json', {}, 'networks')",
             "benchmark",
         ),
     ],
 )
 def test_the_library_names_the_extra_that_is_missing(package, program, extra):
     lines = last_line(package, program)
-    assert lines[-1].endswith(
-        f"need {package}, which is not installed: pip install 'qclearn[{extra}]'"
-    )
+    assert lines[-1].endswith(f"need {package}, which is not installed: pip install 'qclearn[{extra}]'")
     assert lines[-1].startswith("ImportError: ")
 
 
@@ -72,14 +55,9 @@ def test_the_library_names_the_extra_that_is_missing(package, program, extra):
     ],
 )
 def test_the_command_line_names_it_in_one_line(package, command, extra, tmp_path):
-    lines = last_line(
-        package,
-        f"import os; os.chdir({str(tmp_path)!r}); from qclearn.cli import main; main({command})",
-    )
+    lines = last_line(package, f"import os; os.chdir({str(tmp_path)!r}); from qclearn.cli import main; main({command})")
     assert len(lines) == 1 and lines[0].startswith("qclearn: ")
-    assert lines[0].endswith(
-        f"need {package}, which is not installed: pip install 'qclearn[{extra}]'"
-    )
+    assert lines[0].endswith(f"need {package}, which is not installed: pip install 'qclearn[{extra}]'")
     assert not list(tmp_path.iterdir())
 
 

@@ -37,9 +37,7 @@ RECORD = json.loads(files("qclearn.io").joinpath("fsaverage5_sulci.json").read_t
 
 
 def array(kind, side, number=0):
-    return np.asarray(
-        nibabel.load(fetch_surf_fsaverage("fsaverage5")[f"{kind}_{side}"]).darrays[number].data
-    )
+    return np.asarray(nibabel.load(fetch_surf_fsaverage("fsaverage5")[f"{kind}_{side}"]).darrays[number].data)
 
 
 @cache
@@ -54,9 +52,7 @@ def opened(side):
 def paths(side):
     surface, kept = opened(side)
     metric = fundus_metric(surface)
-    return {
-        name: fundus_path(surface, *ends, metric) for name, ends in named_sulci(side, kept).items()
-    }
+    return {name: fundus_path(surface, *ends, metric) for name, ends in named_sulci(side, kept).items()}
 
 
 @cache
@@ -65,9 +61,7 @@ def samples(side):
     complex."""
     surface = opened(side)[0] if side == "left" else mirror(opened(side)[0])
     with warnings.catch_warnings():
-        warnings.simplefilter(
-            "ignore", RepairWarning
-        )  # the rim of the right side needs raised boundary steps
+        warnings.simplefilter("ignore", RepairWarning)  # the rim of the right side needs raised boundary steps
         z = disk_conformal_map(surface)
     return {name: sample_curve(surface, path) @ z for name, path in paths(side).items()}
 
@@ -119,9 +113,7 @@ def test_both_sides_agree_up_to_a_mobius_map():
     p, q = (np.stack(list(samples(side).values())) for side in ("right", "left"))
     errors = residual(p, q)
     assert errors.mean() < 0.02 and errors.max() < 0.045
-    for k, name in enumerate(
-        samples("left")
-    ):  # a curve that runs the other way on one side would show
+    for k, name in enumerate(samples("left")):  # a curve that runs the other way on one side would show
         turned = p.copy()
         turned[k] = turned[k, ::-1]
         assert residual(turned, q)[k] > 1.5 * errors[k], name
@@ -149,13 +141,8 @@ def test_the_demo_names_the_same_places_on_the_surfaces_it_registers():
     assert [curve["name"] for curve in curves] == list(RECORD["sulci"])
     for curve in curves:
         entry = RECORD["sulci"][curve["name"]]
-        for surface, ends, side in (
-            (moving, curve["moving"], "right"),
-            (control, curve["control"], "left"),
-        ):
-            np.testing.assert_array_equal(
-                surface.vertices[ends], array("pial", side)[entry[side]["vertices"]]
-            )
+        for surface, ends, side in ((moving, curve["moving"], "right"), (control, curve["control"], "left")):
+            np.testing.assert_array_equal(surface.vertices[ends], array("pial", side)[entry[side]["vertices"]])
 
 
 def test_refusals():

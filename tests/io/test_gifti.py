@@ -5,10 +5,10 @@ from dataclasses import replace
 import nibabel
 import numpy as np
 import pytest
-from freesurfer import GEOMETRY
-from known_surfaces import grid
 from nilearn.surface import load_surf_mesh
 
+from freesurfer import GEOMETRY
+from known_surfaces import grid
 from qclearn.io.frames import Frame, kind_of_name, side_of_name
 from qclearn.io.meshes import frame_of, read_surface, write_surface
 from qclearn.io.values import read_map, read_values, write_values
@@ -29,9 +29,7 @@ def test_the_hemisphere_is_read_from_a_name_that_says_it(name, side):
 
 def test_a_surface_names_its_hemisphere_and_coordinate_system(tmp_path):
     surface = Surface(*grid(3, 3))
-    space = nibabel.gifti.GiftiCoordSystem(
-        "NIFTI_XFORM_SCANNER_ANAT", "NIFTI_XFORM_TALAIRACH", CENTRE
-    )
+    space = nibabel.gifti.GiftiCoordSystem("NIFTI_XFORM_SCANNER_ANAT", "NIFTI_XFORM_TALAIRACH", CENTRE)
     for name, frame, structure in (
         ("lh.a.surf.gii", None, "CortexLeft"),
         ("a.surf.gii", None, None),
@@ -41,20 +39,14 @@ def test_a_surface_names_its_hemisphere_and_coordinate_system(tmp_path):
         image = nibabel.load(tmp_path / name)
         points = image.get_arrays_from_intent("NIFTI_INTENT_POINTSET")[0]
         assert (
-            points.meta.get("AnatomicalStructurePrimary")
-            == image.meta.get("AnatomicalStructurePrimary")
-            == structure
+            points.meta.get("AnatomicalStructurePrimary") == image.meta.get("AnatomicalStructurePrimary") == structure
         )
-        assert nibabel.nifti1.xform_codes.label[points.coordsys.dataspace] == (
-            "scanner" if frame else "unknown"
-        )
+        assert nibabel.nifti1.xform_codes.label[points.coordsys.dataspace] == ("scanner" if frame else "unknown")
     np.testing.assert_array_equal(points.coordsys.xform, CENTRE)
     again = frame_of(tmp_path / "b.surf.gii.gz")
     assert again.side == "right"
     np.testing.assert_array_equal(again.space.xform, CENTRE)
-    np.testing.assert_array_equal(
-        read_surface(tmp_path / "b.surf.gii.gz").vertices, surface.vertices
-    )  # as stored
+    np.testing.assert_array_equal(read_surface(tmp_path / "b.surf.gii.gz").vertices, surface.vertices)  # as stored
 
 
 @pytest.mark.parametrize("name, kind", [
@@ -92,13 +84,8 @@ def test_coordinates_and_volume_geometry_go_through_every_format(tmp_path, whole
         if ".gii" in name:
             points = nibabel.load(path).get_arrays_from_intent("NIFTI_INTENT_POINTSET")[0]
             assert nibabel.nifti1.xform_codes.label[points.coordsys.dataspace] == "scanner"
-            np.testing.assert_allclose(
-                load_surf_mesh(path).coordinates, tkr + GEOMETRY["cras"], atol=1e-5
-            )
-            assert (
-                float(points.meta["VolGeomC_A"]) == 12.25
-                and points.meta["VolGeomFname"] == "orig.mgz"
-            )
+            np.testing.assert_allclose(load_surf_mesh(path).coordinates, tkr + GEOMETRY["cras"], atol=1e-5)
+            assert float(points.meta["VolGeomC_A"]) == 12.25 and points.meta["VolGeomFname"] == "orig.mgz"
     vertices, _, header = nibabel.freesurfer.read_geometry(path, read_metadata=True)
     np.testing.assert_allclose(vertices, tkr, atol=1e-5)
     for key, value in GEOMETRY.items():
@@ -113,9 +100,7 @@ def test_a_volume_that_lies_askew_is_laid_on_the_scanner_too(tmp_path):
     tkr = np.array([[-1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # rows: the axes of the voxels i, j, k
     ijk = np.random.default_rng(0).uniform(-90, 90, (5, 3))  # from the middle of the volume
     found = Frame(space="tkr", volume=volume).to_scanner(ijk @ tkr)
-    np.testing.assert_allclose(
-        found, ijk @ np.array([axes[key] for key in axes]) + GEOMETRY["cras"]
-    )
+    np.testing.assert_allclose(found, ijk @ np.array([axes[key] for key in axes]) + GEOMETRY["cras"])
     np.testing.assert_allclose(Frame(volume=volume).to_tkr(found), ijk @ tkr)
 
 
@@ -126,11 +111,7 @@ def test_coordinates_that_are_not_said_to_be_freesurfers_stay(tmp_path, whole):
     unknown = replace(frame_of(path), space=nibabel.gifti.GiftiCoordSystem())
     write_surface(tmp_path / "a.surf.gii", read_surface(path), frame=unknown)
     for name in ("b.surf.gii", "lh.b"):
-        write_surface(
-            tmp_path / name,
-            read_surface(tmp_path / "a.surf.gii"),
-            frame=frame_of(tmp_path / "a.surf.gii"),
-        )
+        write_surface(tmp_path / name, read_surface(tmp_path / "a.surf.gii"), frame=frame_of(tmp_path / "a.surf.gii"))
         np.testing.assert_allclose(read_surface(tmp_path / name).vertices, tkr, atol=1e-6)
     assert frame_of(tmp_path / "lh.b").volume["cras"] == GEOMETRY["cras"]
 
@@ -169,12 +150,7 @@ def test_labels_keep_their_names_and_colours(tmp_path):
     )
     found = read_values(tmp_path / "lh.aparc.annot")
     np.testing.assert_array_equal(found, labels)
-    write_values(
-        tmp_path / "a.label.gii",
-        found,
-        side="left",
-        labels=read_map(tmp_path / "lh.aparc.annot").labels,
-    )
+    write_values(tmp_path / "a.label.gii", found, side="left", labels=read_map(tmp_path / "lh.aparc.annot").labels)
     image = nibabel.load(tmp_path / "a.label.gii")
     names = image.labeltable.get_labels_as_dict()
     assert names[1] == "insula" and names[2] == "cuneus"
@@ -198,12 +174,7 @@ def test_no_key_is_below_0_and_none_shows_nothing(tmp_path, zero, raised):
     labels = {-1: ("???", (1.0, 1.0, 1.0, 0.0)), 0: zero, **REGIONS}
     write_values(tmp_path / "a.label.gii", np.array([-1, 0, 2, 1], dtype=np.int64), labels=labels)
     found = read_map(tmp_path / "a.label.gii")
-    assert found.values.dtype == np.int32 and found.values.tolist() == [
-        0,
-        raised,
-        2 + raised,
-        1 + raised,
-    ]
+    assert found.values.dtype == np.int32 and found.values.tolist() == [0, raised, 2 + raised, 1 + raised]
     assert min(found.labels) == 0 and found.labels[0][1][3] == 0.0
     assert [found.labels[key + raised] for key in REGIONS] == list(REGIONS.values())
     with pytest.raises(SurfaceError, match="a.label.gii: .*keys below 0"):
@@ -235,11 +206,7 @@ def test_maps_have_names(tmp_path):
 
 def test_whole_numbers_without_names_get_a_table(tmp_path):
     write_values(tmp_path / "a.label.gii", np.array([0, 7, 3, 7]))
-    assert nibabel.load(tmp_path / "a.label.gii").labeltable.get_labels_as_dict() == {
-        0: "???",
-        3: "3",
-        7: "7",
-    }
+    assert nibabel.load(tmp_path / "a.label.gii").labeltable.get_labels_as_dict() == {0: "???", 3: "3", 7: "7"}
 
 
 def test_several_maps_stay_columns(tmp_path):

@@ -12,23 +12,14 @@ import nibabel
 import numpy as np
 import pytest
 import pyvista
-from known_surfaces import grid
 
+from known_surfaces import grid
 from qclearn.io.meshes import SlitWarning, read_surface, write_surface
 from qclearn.io.values import read_mask
 from qclearn.surfaces.surface import Surface, SurfaceError
 
 EXACT = ["a.npz", "a.ply", "a.obj", "a.off", "a.vtk", "a.vtp"]
-SINGLE = [
-    "a.gii",
-    "a.surf.gii",
-    "a.surf.gii.gz",
-    "a.stl",
-    "lh.pial",
-    "rh.white",
-    "lh.sphere.reg",
-    "surface",
-]
+SINGLE = ["a.gii", "a.surf.gii", "a.surf.gii.gz", "a.stl", "lh.pial", "rh.white", "lh.sphere.reg", "surface"]
 
 
 @pytest.fixture
@@ -36,9 +27,7 @@ def tent():
     """A square pyramid without its base: irrational coordinates, numbered in the order of its
     faces."""
     vertices = np.pi * np.array([[0, 0, 1 / 3], [1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 1e-9]])
-    return Surface(
-        vertices, [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]], {"rim": [1, 2, 3], "a b": [4]}
-    )
+    return Surface(vertices, [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]], {"rim": [1, 2, 3], "a b": [4]})
 
 
 @pytest.mark.parametrize("name", EXACT + SINGLE)
@@ -57,10 +46,7 @@ def test_npz_keeps_curves_and_ignores_other_arrays(tmp_path, tent):
         arrays = dict(file)
     np.savez(tmp_path / "b.npz", **arrays, depth=np.zeros(5))
     curves = read_surface(tmp_path / "b.npz").curves
-    assert {name: curve.tolist() for name, curve in curves.items()} == {
-        "rim": [1, 2, 3],
-        "a b": [4],
-    }
+    assert {name: curve.tolist() for name, curve in curves.items()} == {"rim": [1, 2, 3], "a b": [4]}
 
 
 def test_npz_and_gifti_keep_the_original_vertex_numbers(tmp_path, tent):
@@ -82,20 +68,11 @@ def test_npz_and_gifti_keep_the_original_vertex_numbers(tmp_path, tent):
 
 
 @pytest.mark.parametrize("name", ["a.npz", "a.gii", "a.ply", "a.obj", "a.off", "lh.pial"])
-def test_a_surface_is_known_by_one_hash_in_every_format_that_keeps_its_numbers(
-    tmp_path, tent, name
-):
-    odd = Surface(
-        tent.vertices / 3 * [1, 1, -1], tent.faces
-    )  # thirds are no float32, and there are negative zeros
+def test_a_surface_is_known_by_one_hash_in_every_format_that_keeps_its_numbers(tmp_path, tent, name):
+    odd = Surface(tent.vertices / 3 * [1, 1, -1], tent.faces)  # thirds are no float32, and there are negative zeros
     write_surface(tmp_path / name, odd)
-    stored = (np.float32(odd.vertices) + 0).astype("<f4").tobytes() + odd.faces.astype(
-        "<i8"
-    ).tobytes()
-    assert read_surface(tmp_path / name).fingerprint == {
-        "vertices": 5,
-        "sha256": hashlib.sha256(stored).hexdigest(),
-    }
+    stored = (np.float32(odd.vertices) + 0).astype("<f4").tobytes() + odd.faces.astype("<i8").tobytes()
+    assert read_surface(tmp_path / name).fingerprint == {"vertices": 5, "sha256": hashlib.sha256(stored).hexdigest()}
     assert read_surface(tmp_path / name).fingerprint != tent.fingerprint
 
 
@@ -106,11 +83,7 @@ def test_a_file_cut_short_is_refused_wherever_it_is_cut(tmp_path, tent, name, ca
     write_surface(tmp_path / name, tent)
     whole = read_surface(tmp_path / name)
     data = (tmp_path / name).read_bytes()
-    path = (
-        tmp_path / f"cut-{name}"
-        if "." in name[1:] and not name.startswith(("lh", "rh"))
-        else tmp_path / "cut"
-    )
+    path = tmp_path / f"cut-{name}" if "." in name[1:] and not name.startswith(("lh", "rh")) else tmp_path / "cut"
     if name.startswith("a.vt"):  # a process each
         lengths = [1, len(data) // 3, len(data) // 2, len(data) * 9 // 10]
     else:
@@ -186,16 +159,12 @@ PLY_HEADER = (
 def test_ply_with_further_properties(tmp_path):
     rows = ("1 255 2 3", "4 255 5 7", "7 255 8 9", "6 3 2 0 1")
     for name in ("vertex_indices", "vertex_index"):
-        path = store(
-            tmp_path / "a.ply", *PLY_HEADER, f"property list uchar uint {name}", "end_header", *rows
-        )
+        path = store(tmp_path / "a.ply", *PLY_HEADER, f"property list uchar uint {name}", "end_header", *rows)
         assert read_surface(path).vertices.tolist() == [[1, 2, 3], [4, 5, 7], [7, 8, 9]]
         assert read_surface(path).faces.tolist() == [[2, 0, 1]]
     further = "property list uchar float tex", "property list uchar int vertex_indices"
     rows = (*rows[:3], "6 2 0.5 0.25 3 2 0 1")
-    path = store(
-        path, *PLY_HEADER, *further, "element edge 1", "property int from", "end_header", *rows, "1"
-    )
+    path = store(path, *PLY_HEADER, *further, "element edge 1", "property int from", "end_header", *rows, "1")
     assert read_surface(path).faces.tolist() == [[2, 0, 1]]
     refused(store(path, *PLY_HEADER, "end_header", *(row[:1] for row in rows)), "early end-of-line")
     refused(store(path, *PLY_HEADER, "end_header", *rows[:3], "6"), "lacks", "vertex_indices")
@@ -206,9 +175,7 @@ def test_ply_with_foreign_letters_and_line_ends(tmp_path, tent):
     header, end, body = (tmp_path / "a.ply").read_bytes().partition(b"end_header\n")
     for comment in ("größe".encode(), b"gr\xf6\xdfe", b"plain"):
         for line_end in (b"\n", b"\r\n"):
-            changed = (header.replace(b"comment qclearn", b"comment " + comment) + end).replace(
-                b"\n", line_end
-            )
+            changed = (header.replace(b"comment qclearn", b"comment " + comment) + end).replace(b"\n", line_end)
             (tmp_path / "b.ply").write_bytes(changed + body)
             np.testing.assert_array_equal(read_surface(tmp_path / "b.ply").vertices, tent.vertices)
             np.testing.assert_array_equal(read_surface(tmp_path / "b.ply").faces, tent.faces)
@@ -217,9 +184,7 @@ def test_ply_with_foreign_letters_and_line_ends(tmp_path, tent):
 def test_ply_big_endian(tmp_path, tent):
     write_surface(tmp_path / "a.ply", tent)
     header, _, _ = (tmp_path / "a.ply").read_bytes().partition(b"end_header\n")
-    faces = np.array(
-        [(3, face) for face in tent.faces], dtype=[("sides", "u1"), ("corners", ">i4", (3,))]
-    )
+    faces = np.array([(3, face) for face in tent.faces], dtype=[("sides", "u1"), ("corners", ">i4", (3,))])
     body = tent.vertices.astype(">f8").tobytes() + faces.tobytes()
     (tmp_path / "b.ply").write_bytes(header.replace(b"little", b"big") + b"end_header\n" + body)
     np.testing.assert_array_equal(read_surface(tmp_path / "b.ply").vertices, tent.vertices)
@@ -227,16 +192,7 @@ def test_ply_big_endian(tmp_path, tent):
 
 
 def test_obj_with_texture_normals_and_negative_indices(tmp_path):
-    vertices = (
-        "# a comment",
-        "o name",
-        "v 0 0 0 1.0",
-        "v 1 0 0",
-        "vt 0 0",
-        "vn 0 0 1",
-        "v 0 1 0",
-        "",
-    )
+    vertices = ("# a comment", "o name", "v 0 0 0 1.0", "v 1 0 0", "vt 0 0", "vn 0 0 1", "v 0 1 0", "")
     for face in ("f 1/1/1 2/1/1 3/1/1", "f 1//1 2//1 3//1", "f -4 -3 -2"):
         surface = read_surface(store(tmp_path / "a.obj", *vertices, "v 1 1 0", face, "f 2 4 3"))
         assert surface.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]
@@ -247,11 +203,7 @@ def test_off_with_comments_and_colours(tmp_path):
     rows = ("0 0 0", "1 0 0 255 0 0 255 # red", "", "0 1 0", "3 0 1 2 255 0 0")
     for header in (("OFF", "# by hand", "3 1 0"), ("OFF 3 1 0",), ("COFF", "3 1 3")):
         surface = read_surface(store(tmp_path / "a.off", *header, *rows))
-        assert surface.vertices.tolist() == [
-            [0, 0, 0],
-            [1, 0, 0],
-            [0, 1, 0],
-        ] and surface.faces.tolist() == [[0, 1, 2]]
+        assert surface.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]] and surface.faces.tolist() == [[0, 1, 2]]
     refused(store(tmp_path / "a.off", "4OFF", "3 1 0", *rows), "not OFF")
 
 
@@ -302,24 +254,13 @@ def test_ply_headers_that_make_no_sense_are_refused(tmp_path, tent, old, new):
 def test_ply_corners_with_a_fraction_or_beyond_their_type_are_refused(tmp_path):
     for corners in ("3 2 0 1.5", "3 2 0 -1", "3 2 0 99999999999"):
         rows = ("1 255 2 3", "4 255 5 7", "7 255 8 9", f"6 {corners}")
-        path = store(
-            tmp_path / "a.ply",
-            *PLY_HEADER,
-            "property list uchar uint vertex_indices",
-            "end_header",
-            *rows,
-        )
+        path = store(tmp_path / "a.ply", *PLY_HEADER, "property list uchar uint vertex_indices", "end_header", *rows)
         refused(path, "not a readable PLY file", "again")
 
 
 def test_npz_curves_with_names_that_cannot_be_shown_are_refused(tmp_path, tent):
     for name in ("\x1b]0;x", "A" * 300):
-        np.savez(
-            tmp_path / "a.npz",
-            vertices=tent.vertices,
-            faces=tent.faces,
-            **{f"curve_{name}": [1, 2]},
-        )
+        np.savez(tmp_path / "a.npz", vertices=tent.vertices, faces=tent.faces, **{f"curve_{name}": [1, 2]})
         refused(tmp_path / "a.npz", "too long or holds control characters", "rename")
 
 
@@ -327,11 +268,7 @@ def test_freesurfer_counts_are_checked_before_they_are_believed(tmp_path, tent):
     write_surface(tmp_path / "lh.pial", tent)
     data = (tmp_path / "lh.pial").read_bytes()
     place = data.index(b"\n\n") + 2
-    for counts in (
-        b"\x7f\xff\xff\xff\0\0\0\4",
-        b"\0\0\0\5\x7f\xff\xff\xff",
-        b"\xff\xff\xff\xff\0\0\0\4",
-    ):
+    for counts in (b"\x7f\xff\xff\xff\0\0\0\4", b"\0\0\0\5\x7f\xff\xff\xff", b"\xff\xff\xff\xff\0\0\0\4"):
         (tmp_path / "lh.pial").write_bytes(data[:place] + counts + data[place + 8 :])
         refused(tmp_path / "lh.pial", "records are announced")
 
@@ -360,9 +297,7 @@ def test_vtks_reader_has_limits_of_memory_and_time(tmp_path, tent, monkeypatch):
     )
     refused(store(tmp_path / "b.vtk", *lines), "VTK")
     announced = 400_000_000 * 4 / 2**20  # MB, which VTK takes without the limit
-    alone = subprocess.run(
-        [sys.executable, "-c", PEAK, tmp_path / "b.vtk"], capture_output=True, text=True, check=True
-    )
+    alone = subprocess.run([sys.executable, "-c", PEAK, tmp_path / "b.vtk"], capture_output=True, text=True, check=True)
     assert float(alone.stdout) < 0.6 * announced
     monkeypatch.setattr("qclearn.io.meshes.VTK_SECONDS", 0.01)
     refused(tmp_path / "a.vtk", "has not ended after 0.01 s")
@@ -379,11 +314,7 @@ def test_faces_that_are_no_triangles_are_refused(tmp_path):
         refused(tmp_path / name, "face 0 has 4 corners", "triangulate")
     path = store(tmp_path / "a.obj", *(f"v {row}" for row in corners), "f 1 2 3", "f 1 3 4 2")
     refused(path, "face 1 has 4 corners", "triangulate")
-    refused(
-        store(tmp_path / "a.off", "OFF", "4 1 0", *corners, "4 0 1 2 3"),
-        "face 0 has 4 corners",
-        "triangulate",
-    )
+    refused(store(tmp_path / "a.off", "OFF", "4 1 0", *corners, "4 0 1 2 3"), "face 0 has 4 corners", "triangulate")
     np.savez(tmp_path / "a.npz", vertices=QUAD, faces=[[0, 1, 2, 3]])
     refused(tmp_path / "a.npz", "(1, 4)", "triangles")
     (tmp_path / "lh.quad").write_bytes(b"\xff\xff\xff" + bytes(60))
@@ -439,9 +370,7 @@ def test_npz_that_lacks_an_array_or_holds_objects(tmp_path, tent):
 
 
 def test_gifti_that_is_no_surface(tmp_path):
-    values = nibabel.gifti.GiftiDataArray(
-        np.zeros(5, dtype=np.float32), intent="NIFTI_INTENT_SHAPE"
-    )
+    values = nibabel.gifti.GiftiDataArray(np.zeros(5, dtype=np.float32), intent="NIFTI_INTENT_SHAPE")
     nibabel.GiftiImage(darrays=[values]).to_filename(tmp_path / "a.shape.gii")
     refused(tmp_path / "a.shape.gii", "not one surface", ".surf.gii")
 
@@ -458,18 +387,14 @@ def test_folders_that_cannot_be_written(tmp_path, tent, name, capfd):
     (tmp_path / "file").write_text("")
     (tmp_path / "taken" / name).mkdir(parents=True)
     for folder in ("missing", "file", "taken"):
-        with pytest.raises(
-            SurfaceError, match="cannot be written.*exists and is writable"
-        ) as caught:
+        with pytest.raises(SurfaceError, match="cannot be written.*exists and is writable") as caught:
             write_surface(tmp_path / folder / name, tent)
         assert str(caught.value).startswith(str(tmp_path / folder / name))
     assert sorted(path.name for path in tmp_path.rglob("*")) == sorted(["file", "taken", name])
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.skipif(
-    os.name != "posix" or os.geteuid() == 0, reason="the superuser may write everywhere"
-)
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="the superuser may write everywhere")
 def test_a_folder_without_permission(tmp_path, tent):
     tmp_path.chmod(0o500)
     with pytest.raises(SurfaceError, match="Permission denied.*writable"):
@@ -505,12 +430,7 @@ WALL = np.array([0, 0, 3, 0.5, 0])
 
 def label(path, indices, announced=None):
     rows = [f"{index}  0.0  0.0  0.0 0.5" for index in indices]
-    return store(
-        path,
-        "#!ascii label , from subject",
-        str(len(indices) if announced is None else announced),
-        *rows,
-    )
+    return store(path, "#!ascii label , from subject", str(len(indices) if announced is None else announced), *rows)
 
 
 def values(name, path, array):
@@ -519,9 +439,7 @@ def values(name, path, array):
     elif name.endswith(".txt"):
         np.savetxt(path, array)
     elif ".gii" in name:
-        gifti = nibabel.GiftiImage(
-            darrays=[nibabel.gifti.GiftiDataArray(array.astype(np.float32))]
-        ).to_bytes()
+        gifti = nibabel.GiftiImage(darrays=[nibabel.gifti.GiftiDataArray(array.astype(np.float32))]).to_bytes()
         path.write_bytes(gzip.compress(gifti) if name.endswith(".gz") else gifti)
     else:
         nibabel.freesurfer.write_morph_data(path, array)
@@ -548,14 +466,7 @@ def test_masks_from_a_label(tmp_path, tent):
 
 @pytest.mark.parametrize("name", VALUES)
 def test_masks_of_another_surface_or_with_nan_are_refused(tmp_path, tent, name):
-    refused(
-        values(name, tmp_path / name, WALL[:4]),
-        "(4,)",
-        "5 vertices",
-        "belongs",
-        read=read_mask,
-        surface=tent,
-    )
+    refused(values(name, tmp_path / name, WALL[:4]), "(4,)", "5 vertices", "belongs", read=read_mask, surface=tent)
     bad = values(name, tmp_path / name, np.array([0, np.nan, 1, 0, 0]))
     refused(bad, "NaN", "the first 1", read=read_mask, surface=tent)
 
@@ -563,26 +474,9 @@ def test_masks_of_another_surface_or_with_nan_are_refused(tmp_path, tent, name):
 def test_labels_of_another_surface_or_cut_short_are_refused(tmp_path, tent):
     path = tmp_path / "a.label"
     refused(label(path, [1, 7]), "do not exist", "7", "5 vertices", read=read_mask, surface=tent)
-    refused(
-        label(path, [1], announced=2),
-        "2 vertex records",
-        "1 are there",
-        read=read_mask,
-        surface=tent,
-    )
-    refused(
-        label(path, [1, 2], announced=1),
-        "1 vertex records",
-        "2 are there",
-        read=read_mask,
-        surface=tent,
-    )
-    refused(
-        store(path, "#!ascii label"),
-        "not a readable FreeSurfer label",
-        read=read_mask,
-        surface=tent,
-    )
+    refused(label(path, [1], announced=2), "2 vertex records", "1 are there", read=read_mask, surface=tent)
+    refused(label(path, [1, 2], announced=1), "1 vertex records", "2 are there", read=read_mask, surface=tent)
+    refused(store(path, "#!ascii label"), "not a readable FreeSurfer label", read=read_mask, surface=tent)
     refused(
         store(path, "#!ascii label", "1", "1.7 0 0 0 0"),
         "not a readable FreeSurfer label",
@@ -593,9 +487,7 @@ def test_labels_of_another_surface_or_cut_short_are_refused(tmp_path, tent):
 
 @pytest.mark.parametrize("name", [*VALUES, "a.label"])
 def test_damaged_masks_are_refused(tmp_path, tent, name):
-    path = (
-        label(tmp_path / name, [1, 2]) if name == "a.label" else values(name, tmp_path / name, WALL)
-    )
+    path = label(tmp_path / name, [1, 2]) if name == "a.label" else values(name, tmp_path / name, WALL)
     data = path.read_bytes()
     path.write_bytes(data[: len(data) // 2])
     refused(path, "again", read=read_mask, surface=tent)

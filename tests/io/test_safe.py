@@ -80,11 +80,7 @@ def test_a_lack_of_memory_names_the_file_and_a_way_out(tmp_path, monkeypatch):
     def greedy(*_):
         raise MemoryError
 
-    for place in (
-        "qclearn.io.meshes.Surface",
-        "qclearn.io.meshformats._integers",
-        "pathlib.Path.read_bytes",
-    ):
+    for place in ("qclearn.io.meshes.Surface", "qclearn.io.meshformats._integers", "pathlib.Path.read_bytes"):
         with monkeypatch.context() as patch:
             patch.setattr(place, greedy)
             with pytest.raises(SurfaceError, match="s.off: there is not enough memory.*coarser"):
@@ -92,24 +88,15 @@ def test_a_lack_of_memory_names_the_file_and_a_way_out(tmp_path, monkeypatch):
     assert len(read_surface(path).faces) == 1
 
 
-@pytest.mark.parametrize(
-    "error", [KeyError("x"), TypeError("x"), IndexError("x"), AttributeError("x")]
-)
+@pytest.mark.parametrize("error", [KeyError("x"), TypeError("x"), IndexError("x"), AttributeError("x")])
 def test_a_bug_is_no_bad_input(error):
     with pytest.raises(type(error)), explain("f", "file"):
         raise error
 
 
 def test_what_a_library_or_bad_numbers_raise_is_bad_input():
-    for bad in (
-        lambda: int("x"),
-        lambda: npz_arrays(b"PK", bool),
-        lambda: np.lib.format.read_magic(3),
-    ):
-        with (
-            pytest.raises(SurfaceError, match="f: not a readable file.*again"),
-            explain("f", "file"),
-        ):
+    for bad in (lambda: int("x"), lambda: npz_arrays(b"PK", bool), lambda: np.lib.format.read_magic(3)):
+        with pytest.raises(SurfaceError, match="f: not a readable file.*again"), explain("f", "file"):
             bad()
 
 
@@ -125,12 +112,7 @@ def test_killed_runs_leave_nothing_for_long(tmp_path):
     killed = subprocess.run([sys.executable, "-c", code, tmp_path], check=False)
     assert killed.returncode == -9 and len(list(tmp_path.iterdir())) == 2
     own = tmp_path / f"{own_prefix()}abcdefgh"
-    others = [
-        own,
-        tmp_path / ".qclearn-1@elsewhere.else-abcdefgh",
-        tmp_path / ".qclearn-notes",
-        tmp_path / "data",
-    ]
+    others = [own, tmp_path / ".qclearn-1@elsewhere.else-abcdefgh", tmp_path / ".qclearn-notes", tmp_path / "data"]
     for path in others:
         path.touch()
     sweep(tmp_path)

@@ -51,15 +51,12 @@ def test_several_maps_and_whole_numbers_come_back(tmp_path, name):
 
 def test_mgz_agrees_with_nibabel(tmp_path):
     nibabel.save(
-        nibabel.MGHImage(VALUES.astype(np.float32).reshape(-1, 1, 1), np.eye(4)),
-        tmp_path / "lh.thickness.mgz",
+        nibabel.MGHImage(VALUES.astype(np.float32).reshape(-1, 1, 1), np.eye(4)), tmp_path / "lh.thickness.mgz"
     )
     np.testing.assert_allclose(read_values(tmp_path / "lh.thickness.mgz"), VALUES, rtol=1e-6)
     write_values(tmp_path / "o.mgh", VALUES)
     np.testing.assert_allclose(
-        np.squeeze(nibabel.MGHImage.from_bytes((tmp_path / "o.mgh").read_bytes()).dataobj),
-        VALUES,
-        rtol=1e-6,
+        np.squeeze(nibabel.MGHImage.from_bytes((tmp_path / "o.mgh").read_bytes()).dataobj), VALUES, rtol=1e-6
     )
     nibabel.save(nibabel.MGHImage(np.zeros((4, 5, 6), np.float32), np.eye(4)), tmp_path / "T1.mgz")
     with pytest.raises(SurfaceError, match="T1.mgz: holds a volume of 4 x 5 x 6.*mri_vol2surf"):
@@ -108,14 +105,10 @@ def test_a_text_of_whole_numbers_is_of_labels(tmp_path):
         assert read_values(tmp_path / "v.txt").dtype.kind == kind
 
 
-@pytest.mark.parametrize(
-    "array", [np.ones(3) * 1j, np.array(["a"]), np.array(3.0), np.zeros((2, 2, 2)), np.zeros(0)]
-)
+@pytest.mark.parametrize("array", [np.ones(3) * 1j, np.array(["a"]), np.array(3.0), np.zeros((2, 2, 2)), np.zeros(0)])
 def test_arrays_that_are_no_map_are_refused(tmp_path, array):
     np.save(tmp_path / "v.npy", array)
-    with pytest.raises(
-        SurfaceError, match="v.npy: holds .*real number|v.npy: holds .*one number a vertex"
-    ):
+    with pytest.raises(SurfaceError, match="v.npy: holds .*real number|v.npy: holds .*one number a vertex"):
         read_values(tmp_path / "v.npy")
 
 
@@ -133,11 +126,7 @@ def test_morphometry_is_known_by_its_content_alone(tmp_path):
 def test_a_damaged_annotation_is_refused(tmp_path):
     path = tmp_path / "lh.a.annot"
     nibabel.freesurfer.write_annot(
-        path,
-        np.array([0, 1, 0]),
-        np.array([[9, 9, 9, 0, 0], [8, 8, 8, 0, 0]]),
-        ["a", "b"],
-        fill_ctab=True,
+        path, np.array([0, 1, 0]), np.array([[9, 9, 9, 0, 0], [8, 8, 8, 0, 0]]), ["a", "b"], fill_ctab=True
     )
     data = path.read_bytes()
     no_colours = np.array([3, 0, 0, 1, 0, 2, 0, 1, -2, 0, 4, 0, 0], ">i4").tobytes()

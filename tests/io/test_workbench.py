@@ -6,12 +6,12 @@ import re
 import nibabel
 import numpy as np
 import pytest
+
 from freesurfer import GEOMETRY
 from known_surfaces import sphere
-from workbench import unknown, workbench
-
 from qclearn.io.meshes import frame_of, read_surface, write_surface
 from qclearn.io.values import read_map, write_values
+from workbench import unknown, workbench
 
 BALL = sphere()
 COUNT = len(BALL.vertices)
@@ -38,10 +38,7 @@ def test_surfaces_say_what_they_are(folder, name, kind):
     assert re.search("^Normal Vectors Correct: +true", told, re.MULTILINE)
     assert unknown(told) == (["Surface Type (Secondary)"] if name == "sphere" else [])
     centre = 3.5 if kind[0] == "Anatomical" else 0.0  # where FreeSurfer's header lays it
-    low, high = (
-        float(re.search(rf"^X-{end}: +(\S+)", told, re.MULTILINE)[1])
-        for end in ("minimum", "maximum")
-    )
+    low, high = (float(re.search(rf"^X-{end}: +(\S+)", told, re.MULTILINE)[1]) for end in ("minimum", "maximum"))
     assert (low + high) / 2 == pytest.approx(centre, abs=0.01)
 
 
@@ -53,15 +50,10 @@ def test_what_is_missing_is_seen(folder):
 
 @pytest.mark.parametrize("name", ["lh.a.shape.gii", "lh.a.func.gii"])
 def test_maps_have_a_side_and_names(folder, name):
-    write_values(
-        folder / name, np.linspace(0, 1, 2 * COUNT).reshape(COUNT, 2), names=["one", "two"]
-    )
+    write_values(folder / name, np.linspace(0, 1, 2 * COUNT).reshape(COUNT, 2), names=["one", "two"])
     told = workbench("-file-information", folder / name)
     assert unknown(told) == [] and re.search(f"^Number of Vertices: +{COUNT}", told, re.MULTILINE)
-    assert re.findall(r"(\w+) *$", told[told.index("Map Name") :].strip(), re.MULTILINE)[1:] == [
-        "one",
-        "two",
-    ]
+    assert re.findall(r"(\w+) *$", told[told.index("Map Name") :].strip(), re.MULTILINE)[1:] == ["one", "two"]
 
 
 def test_whole_numbers_are_a_metric_where_the_name_says_so(folder):
@@ -75,26 +67,19 @@ def test_labels_have_no_key_below_0(folder, first):
     nothing."""
     table = np.array([[25, 5, 25, 0, 0], [100, 20, 30, 0, 0], [20, 220, 60, 0, 0]])
     names = [first, "cuneus", "lingual"]
-    nibabel.freesurfer.write_annot(
-        folder / "lh.a.annot", np.arange(COUNT) % 4 - 1, table, names, fill_ctab=True
-    )
+    nibabel.freesurfer.write_annot(folder / "lh.a.annot", np.arange(COUNT) % 4 - 1, table, names, fill_ctab=True)
     write_values(folder / "lh.a.label.gii", *read_map(folder / "lh.a.annot"))
     told = workbench("-file-information", folder / "lh.a.label.gii")
     assert unknown(told) == []
     rows = re.findall(r"^ +(\d+) +(\S+) .* (\d\.\d+) *$", told[told.index("KEY") :], re.MULTILINE)
     regions = [name for name in names if name != "unknown"]
-    assert rows == [
-        ("0", "???", "0.000"),
-        *((str(k), name, "1.000") for k, name in enumerate(regions, 1)),
-    ]
+    assert rows == [("0", "???", "0.000"), *((str(k), name, "1.000") for k, name in enumerate(regions, 1))]
 
 
 def test_a_carried_map_is_smoothed_on_the_surface_with_its_cortex(folder):
     """What `open` and `transfer` write goes together: one structure, one count, and a region of
     interest."""
-    write_surface(
-        folder / "a.surf.gii", read_surface(folder / "lh.pial"), frame=frame_of(folder / "lh.pial")
-    )
+    write_surface(folder / "a.surf.gii", read_surface(folder / "lh.pial"), frame=frame_of(folder / "lh.pial"))
     cortex = (BALL.vertices[:, 2] > -0.8).astype(np.float32)
     write_values(folder / "cortex.shape.gii", cortex, side="left")
     write_values(folder / "a.shape.gii", cortex * (2 + BALL.vertices[:, 0]), side="left")

@@ -38,14 +38,9 @@ def run_engine(task, **asked):
     """The answer of tests/live/engine.mjs to a task; skips where there is no node."""
     node = shutil.which("node")
     if node is None:
-        pytest.skip(
-            "NO NODE: the browser's engine is NOT compared with the library. On Debian: apt-get "
-            "install nodejs"
-        )
+        pytest.skip("NO NODE: the browser's engine is NOT compared with the library. On Debian: apt-get install nodejs")
     command = [node, Path(__file__).with_name("engine.mjs"), engine_folder().name, task]
-    found = subprocess.run(
-        command, input=json.dumps(asked), capture_output=True, text=True, check=False
-    )
+    found = subprocess.run(command, input=json.dumps(asked), capture_output=True, text=True, check=False)
     assert found.returncode == 0, found.stderr
     return json.loads(found.stdout)
 
@@ -97,15 +92,10 @@ def fit_in_steps(asked, on_coarse, on_fine):
     problem = Problem(FINE_MESH, *points, np.array(asked["curve"]), asked["sliding"])
     weights = Weights(asked["alpha"], asked["beta"], asked["gamma"])
     coarse = GaussNewtonObjective(Discretization(problem, polar_mesh(12), own=False), weights)
-    state, gamma = (
-        coarse.at(np.zeros(len(COARSE_MESH.z), complex), problem.mobius),
-        weights.gamma / 10,
-    )
+    state, gamma = (coarse.at(np.zeros(len(COARSE_MESH.z), complex), problem.mobius), weights.gamma / 10)
     levels = 10.0 ** np.arange(np.log10(min(FIRST_GAMMA, gamma)), np.log10(gamma) - 1e-9)
     state = steps(coarse, state, [*levels, *[gamma] * (on_coarse - len(levels))])
-    fine = WholeSteps(
-        Discretization(problem, CoefficientMesh(FINE_MESH, FINE_MESH), own=True), weights
-    )
+    fine = WholeSteps(Discretization(problem, CoefficientMesh(FINE_MESH, FINE_MESH), own=True), weights)
     nu = COARSE_MESH.sampling(FINE_MESH.z) @ state.nu
     return fine, steps(fine, fine.at(nu, state.mobius), [weights.gamma] * on_fine)
 

@@ -15,19 +15,12 @@ def answers(live, changes):
     """(state, the browser's answer) for each change of the state that an explorable starts with."""
     states = [json.loads(json.dumps(dict(live.initial))) | change for change in changes]
     found = run_engine("answers", page=live.page, states=states)
-    return [
-        (state, one | {"map": np.array(one["map"]).view(complex)})
-        for state, one in zip(states, found)
-    ]
+    return [(state, one | {"map": np.array(one["map"]).view(complex)}) for state, one in zip(states, found)]
 
 
 def test_maps_with_pins_are_the_librarys():
     live, folds = LBS(), []
-    changes = (
-        {},
-        {"strength": 0.6, "count": 0},
-        {"asked": "stretch", "strength": 1.5, "moves": {"1": [0.1, 0.1]}},
-    )
+    changes = ({}, {"strength": 0.6, "count": 0}, {"asked": "stretch", "strength": 1.5, "moves": {"1": [0.1, 0.1]}})
     for state, found in answers(live, changes):
         assert abs(found["map"] - live.map(state)).max() < 1e-9
         assert found["folds"] == live.answer(state)["folds"]
@@ -39,34 +32,19 @@ def test_maps_of_misprints_obey_the_misprinted_rows():
     """Each row of what the paper prints is zero at the free vertices, and those held are where they
     should be."""
     live, asked = LBS(), {"strength": 0.6, "count": 3}
-    changes = [
-        *(asked | {misprint: True} for misprint in ("e2", "e3", "e4", "e5")),
-        asked | {"e4": True, "e5": True},
-    ]
-    z, faces, hats, area = (
-        live.mesh.z,
-        live.mesh.faces,
-        live.mesh.gradients,
-        live.mesh.areas[:, None],
-    )
+    changes = [*(asked | {misprint: True} for misprint in ("e2", "e3", "e4", "e5")), asked | {"e4": True, "e5": True}]
+    z, faces, hats, area = (live.mesh.z, live.mesh.faces, live.mesh.gradients, live.mesh.areas[:, None])
     for state, found in answers(live, changes):
         f, mu = found["map"][faces], live.coefficient(state)[:, None]
         flux = ((1 + abs(mu) ** 2) * hats - 2 * mu * hats.conj()) / (1 - abs(mu) ** 2)
         blocks = area[:, None] * (hats.conj()[:, :, None] * flux[:, None, :]).real
-        blocks = (
-            blocks
-            * (area[:, None] ** 4 if state["e2"] else 1)
-            / (area[:, None] if state["e3"] else 1)
-        )
+        blocks = blocks * (area[:, None] ** 4 if state["e2"] else 1) / (area[:, None] if state["e3"] else 1)
         if state["e5"]:
             blocks = blocks[:, np.arange(3)[:, None], [[0, 2, 1], [2, 1, 0], [1, 0, 2]]]
         rows, sizes = np.zeros(len(z), complex), np.zeros(len(z))
         np.add.at(rows, faces, (blocks * f[:, None, :]).sum(2))
         np.add.at(sizes, faces, abs(blocks).sum(2))
-        (vertices, targets), fixed = (
-            live.pins(state),
-            np.array([0, live.rim[0]]) if state["e4"] else live.rim,
-        )
+        (vertices, targets), fixed = (live.pins(state), np.array([0, live.rim[0]]) if state["e4"] else live.rim)
         free = np.setdiff1d(np.arange(len(z)), np.append(vertices, fixed))
         assert (abs(rows[free]) / sizes[free]).max() < 1e-9
         assert abs(found["map"][fixed] - z[fixed]).max() < 1e-12
@@ -77,9 +55,7 @@ def test_maps_of_misprints_obey_the_misprinted_rows():
 def test_descents_begin_at_the_librarys_map_and_go_down(loss):
     live = Boundary()
     there = {"loss": loss, "strength": 0.3, "pole": [-0.2, 0.4]}
-    start, later, end = answers(
-        live, [there | {"step": step, "centred": step == 100} for step in (0, 5, 100)]
-    )
+    start, later, end = answers(live, [there | {"step": step, "centred": step == 100} for step in (0, 5, 100)])
     assert abs(start[1]["map"] - live.map(start[0]))[live.rim].max() < 1e-8
     K = live.mesh.stiffness(live.coefficient(start[0]))
     for _, found in (start, later):
@@ -114,16 +90,9 @@ def least_gap(K, rim):
 
 def test_a_frame_beyond_the_last_is_the_last():
     """The slider has a length of its own; the browser shows the last frame there."""
-    corners, faces = (
-        np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]),
-        np.array([[0, 2, 1], [0, 1, 3]]),
-    )
-    live = Growth(
-        np.array([corners, 2 * corners, 3 * corners]), faces, np.array([1, 2, 3]), [0, 0, 0]
-    )
-    assert [live.answer({"frame": frame})["area"] for frame in (0, 1, 2, 19)] == pytest.approx(
-        [1, 4, 9, 9]
-    )
+    corners, faces = (np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]), np.array([[0, 2, 1], [0, 1, 3]]))
+    live = Growth(np.array([corners, 2 * corners, 3 * corners]), faces, np.array([1, 2, 3]), [0, 0, 0])
+    assert [live.answer({"frame": frame})["area"] for frame in (0, 1, 2, 19)] == pytest.approx([1, 4, 9, 9])
 
 
 def test_the_ellipses_between_landmarks_are_the_librarys():
@@ -134,11 +103,7 @@ def test_the_ellipses_between_landmarks_are_the_librarys():
     (found,) = run_engine("answers", page=live.page, states=[state])
     best = int(np.argmin(found["left"]))
     there = [live.seen[best].real, live.seen[best].imag]
-    more = state | {
-        "places": [*state["places"][:5], there],
-        "count": 6,
-        "gamma": 36.0,
-    }  # each counts as much as before
+    more = state | {"places": [*state["places"][:5], there], "count": 6, "gamma": 36.0}  # each counts as much as before
     roots = []
     for asked, covariances in (state, found["covariances"]), (more, None):
         wanted = live.posterior(asked).ellipses(live.seen)

@@ -8,18 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference import (
-    COARSE,
-    CONVERGED,
-    FINE,
-    FINE_MESH,
-    MODULES,
-    fit_in_steps,
-    numbers,
-    pairs,
-    request,
-    run_engine,
-)
+from reference import COARSE, CONVERGED, FINE, FINE_MESH, MODULES, fit_in_steps, numbers, pairs, request, run_engine
 
 from qcbook.examples import example_problems
 from qclearn.benchmark.methods.harmonic import harmonic
@@ -57,9 +46,7 @@ def settings():
     made = []
     for k in range(18):
         problem = replace(examples[k % 3], sliding=k >= 12)
-        alpha, beta, gamma = (
-            float(10 ** rng.uniform(low, high)) for low, high in ((-1, 1), (-3, 0), (2, 6))
-        )
+        alpha, beta, gamma = (float(10 ** rng.uniform(low, high)) for low, high in ((-1, 1), (-3, 0), (2, 6)))
         made.append(request(problem, alpha, beta, gamma))
     return [*made, scattered(1041), scattered(1045)]
 
@@ -101,9 +88,7 @@ def test_compression_is_the_librarys():
 SOME = [2, 9, 13, 18]  # of `settings`: points, sliding, and one that switches rows
 
 
-@pytest.mark.parametrize(
-    "which", [SOME, pytest.param(sorted({*range(20)} - {*SOME}), marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("which", [SOME, pytest.param(sorted({*range(20)} - {*SOME}), marks=pytest.mark.slow)])
 def test_converged_fits_are_the_librarys(converged, which):
     asked_for, switched = settings(), []
     for asked, found in ((asked_for[k], converged[k]) for k in which):
@@ -135,12 +120,8 @@ def test_harmonic_maps_and_measured_losses_are_the_librarys():
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RepairWarning)
             f = harmonic(problem, weight, correct=False)
-        assert (
-            abs(numbers(one["f"]) - f).max() < 1e-8
-        )  # a condition number of 1e8, with hard springs
-        loss = measured_losses(problem, weights, FINE_MESH.coefficient(f), problem.samples @ f)[
-            "L_CP"
-        ]
+        assert abs(numbers(one["f"]) - f).max() < 1e-8  # a condition number of 1e8, with hard springs
+        loss = measured_losses(problem, weights, FINE_MESH.coefficient(f), problem.samples @ f)["L_CP"]
         assert one["L_CP"] == pytest.approx(loss, rel=1e-7)
         assert one["flipped"] == FINE_MESH.at(f).flipped.tolist()
     assert found[2]["flipped"]  # hard springs fold this one
@@ -158,10 +139,7 @@ def test_bad_input_is_refused_in_the_librarys_words():
         good | {"beta": -1.0},
     ]
     given = [{"alpha": 1.0, "beta": 0.1, "gamma": 1e4} | one for one in bad]
-    asked = [
-        one | {side: pairs(np.array(one[side], complex)) for side in ("moving", "target")}
-        for one in given
-    ]
+    asked = [one | {side: pairs(np.array(one[side], complex)) for side in ("moving", "target")} for one in given]
     words = run_engine("refusals", requests=asked)
     for one, said in zip(given, words):
         with pytest.raises(LandmarkError) as refused:
@@ -183,13 +161,8 @@ def test_the_binary_is_made_from_its_source(name, tmp_path):
     for file in ("package.json", "package-lock.json", f"{name}.ts"):
         shutil.copy(MODULES / file, tmp_path)
     install = ["npm", "ci", "--no-audit", "--no-fund", "--prefer-offline"]
-    if subprocess.run(
-        install, cwd=tmp_path, capture_output=True, check=False, timeout=120
-    ).returncode:
-        pytest.skip(
-            "npm cannot install the compiler: that the .wasm files belong to their sources is NOT "
-            "checked"
-        )
+    if subprocess.run(install, cwd=tmp_path, capture_output=True, check=False, timeout=120).returncode:
+        pytest.skip("npm cannot install the compiler: that the .wasm files belong to their sources is NOT checked")
     subprocess.run(["npm", "run", name], cwd=tmp_path, capture_output=True, check=True)
     assert (tmp_path / f"{name}.wasm").read_bytes() == (MODULES / f"{name}.wasm").read_bytes()
 

@@ -17,9 +17,7 @@ from qclearn.registration.problem import Problem, Weights
 
 def halved(network):
     """The network with weights as the browser has them."""
-    network.load_state_dict(
-        {name: value.half().float() for name, value in network.state_dict().items()}
-    )
+    network.load_state_dict({name: value.half().float() for name, value in network.state_dict().items()})
     return network
 
 
@@ -27,20 +25,13 @@ def problems():
     """Landmarks with weights inside the trained ranges: the live page's first two problems, and
     scattered points."""
     rng, made = np.random.default_rng(5), []
-    turn = np.exp(
-        0.01j
-    )  # off the spokes, where a point belongs to either triangle and rounding decides
-    points = [
-        (turn * example.problem.moving, turn * example.problem.target)
-        for example in example_problems()[:2]
-    ]
+    turn = np.exp(0.01j)  # off the spokes, where a point belongs to either triangle and rounding decides
+    points = [(turn * example.problem.moving, turn * example.problem.target) for example in example_problems()[:2]]
     for _ in range(10):
         count = int(rng.integers(4, 59))
         p = 0.9 * np.sqrt(rng.random(count)) * np.exp(2j * np.pi * rng.random(count))
         c = 0.15 * rng.normal(size=4)
-        q = p * np.exp(4j * c[0] * (1 - abs(p) ** 2)) + (1 - abs(p) ** 2) * (
-            c[1] * p + 1j * c[2] * p.conj() + c[3] / 2
-        )
+        q = p * np.exp(4j * c[0] * (1 - abs(p) ** 2)) + (1 - abs(p) ** 2) * (c[1] * p + 1j * c[2] * p.conj() + c[3] / 2)
         points.append((p, q / np.maximum(1, 1.02 * abs(q))))
     for k, (p, q) in enumerate(points):
         beta = float(10 ** rng.uniform(-4, 1))
@@ -62,9 +53,7 @@ def test_cpnet_is_the_librarys(found, one_thread):
     """Without a look, and after one and two at its own mesh."""
     network, file = found
     mesh, asked = network.carrier(network.config.rings)[0].mesh, problems()
-    network.config = replace(
-        network.config, close=0.0, stiff=np.inf
-    )  # the browser has one mesh for nu, and one start
+    network.config = replace(network.config, close=0.0, stiff=np.inf)  # the browser has one mesh for nu, and one start
     for one, answer in zip(asked, run_engine("cpnet", file=str(file), problems=asked)):
         problem = Problem(mesh, numbers(one["moving"]), numbers(one["target"]))
         weights = Weights(*(one[name] for name in ("alpha", "beta", "gamma")))

@@ -39,9 +39,7 @@ def found(states, tmp_path_factory):
 def test_points_are_lifted_to_where_the_library_lifts_them(found):
     points, answer = found
     there = cortices("cortex").moving.lift(points)
-    assert (
-        np.linalg.norm(np.array(answer["lifted"]) - there, axis=1).max() < 0.05
-    )  # mm: numbers in two bytes
+    assert np.linalg.norm(np.array(answer["lifted"]) - there, axis=1).max() < 0.05  # mm: numbers in two bytes
 
 
 def test_paths_are_the_librarys(found, states):
@@ -55,17 +53,13 @@ def test_paths_are_the_librarys(found, states):
         assert len(set(answer["path"]) & set(path.tolist())) > 0.8 * len(path)
         length = np.linalg.norm(np.diff(surface.vertices[answer["path"]], axis=0), axis=1).sum()
         assert answer["length"] == pytest.approx(length, rel=1e-4)
-    assert (
-        found[1]["paths"][1]["length"] < 0.99 * found[1]["paths"][0]["length"]
-    )  # without weights it is the shortest
+    assert found[1]["paths"][1]["length"] < 0.99 * found[1]["paths"][0]["length"]  # without weights it is the shortest
 
 
 def test_distances_of_curves_are_the_librarys(found):
     side = cortices("cortex").moving
     curves = [side.disk.z[answer["path"]] for answer in found[1]["paths"][:2]]
-    assert found[1]["apart"] == pytest.approx(
-        curve_distance(*curves_in_space(side, curves)), rel=2e-3
-    )
+    assert found[1]["apart"] == pytest.approx(curve_distance(*curves_in_space(side, curves)), rel=2e-3)
 
 
 def test_an_unfolded_surface_keeps_its_area_and_loses_its_folds():
@@ -78,13 +72,8 @@ def test_an_unfolded_surface_keeps_its_area_and_loses_its_folds():
         size = np.linalg.norm(normal, axis=1)
         total = np.zeros_like(vertices)
         np.add.at(total, surface.faces.ravel(), np.repeat(normal, 3, axis=0))
-        spread = np.linalg.norm(total, axis=1) / np.bincount(
-            surface.faces.ravel(), np.repeat(size, 3)
-        )
-        return (
-            size.sum() / 2,
-            1 - spread.mean(),
-        )  # how far the triangles around a vertex point the same way
+        spread = np.linalg.norm(total, axis=1) / np.bincount(surface.faces.ravel(), np.repeat(size, 3))
+        return (size.sum() / 2, 1 - spread.mean())  # how far the triangles around a vertex point the same way
 
     (area, bend), (area_after, bend_after) = area_and_bend(surface.vertices), area_and_bend(x)
     assert area_after == pytest.approx(area, rel=1e-9) and bend_after < 0.2 * bend

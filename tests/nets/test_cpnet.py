@@ -29,9 +29,7 @@ from qclearn.surfaces.surface import SurfaceError
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
-SMALL = BestCPNetConfig(
-    rings=12, spokes=36, modes=300, channels=(8, 16), blocks=1, finer=16, finest=20
-)
+SMALL = BestCPNetConfig(rings=12, spokes=36, modes=300, channels=(8, 16), blocks=1, finer=16, finest=20)
 PAPER = PaperCPNetConfig(curves=2, points=4, size=16, widths=(8, 8, 8))
 
 
@@ -67,29 +65,20 @@ def tensors(*arrays):
 def test_points_are_located_in_closed_form():
     mesh, rng = PolarMesh(5, 12), np.random.default_rng(0)
     z = mesh.mesh.z
-    points = (
-        np.sqrt(rng.random(200)) * np.exp(2j * np.pi * rng.random(200)) * 0.96
-    )  # within the chords
+    points = np.sqrt(rng.random(200)) * np.exp(2j * np.pi * rng.random(200)) * 0.96  # within the chords
     (located,) = tensors(points)
     corners, weights = mesh.locate(located)
     np.testing.assert_allclose((z[corners[0]] * weights[0].numpy()).sum(-1), points, atol=1e-6)
     assert weights.min() > -1e-6
-    rim = mesh.sample(
-        *tensors(z), mesh.locate(torch.tensor([[1.0, 1j, np.exp(1.3j)]]).to(torch.complex64))
-    )
+    rim = mesh.sample(*tensors(z), mesh.locate(torch.tensor([[1.0, 1j, np.exp(1.3j)]]).to(torch.complex64)))
     np.testing.assert_allclose(rim[0, :2].numpy(), [1, 1j], atol=1e-6)
     assert abs(np.angle(rim[0, 2].item()) - 1.3) < 0.02
 
 
 def test_splat_is_the_transpose_of_sample():
     mesh, generator = PolarMesh(4, 9), torch.Generator().manual_seed(0)
-    points = torch.polar(
-        torch.rand(2, 7, generator=generator), 6 * torch.rand(2, 7, generator=generator)
-    )
-    values, loads = (
-        torch.randn(2, 37, generator=generator),
-        torch.randn(2, 1, 7, generator=generator),
-    )
+    points = torch.polar(torch.rand(2, 7, generator=generator), 6 * torch.rand(2, 7, generator=generator))
+    values, loads = (torch.randn(2, 37, generator=generator), torch.randn(2, 1, 7, generator=generator))
     places = mesh.locate(points)
     sampled, spread = mesh.sample(values, places), mesh.splat(loads, places)
     torch.testing.assert_close((sampled * loads[:, 0]).sum(1), (spread[:, 0] * values).sum(1))
@@ -103,9 +92,7 @@ def test_the_prior_is_diagonal_in_the_coefficients(grid):
     kept = torch.tensor(c[grid.selected.numpy()]).to(torch.complex64)[None]
     torch.testing.assert_close(grid.coefficients(on_rings), kept, rtol=1e-3, atol=1e-3)
     assert grid.mean_square(on_rings).item() == pytest.approx((abs(c) ** 2).sum(), rel=1e-3)
-    slope = spokes @ (abs(np.diff(nu, axis=0)) ** 2).sum(1) + arcs @ (
-        abs(nu - np.roll(nu, 1, 1)) ** 2
-    ).sum(1)
+    slope = spokes @ (abs(np.diff(nu, axis=0)) ** 2).sum(1) + arcs @ (abs(nu - np.roll(nu, 1, 1)) ** 2).sum(1)
     assert slope / np.pi == pytest.approx((spectrum.values * abs(c) ** 2).sum(), rel=1e-3)
 
 
@@ -115,18 +102,13 @@ def test_displacements_are_those_of_the_exact_map(grid, born):
     nu, solver = grid.spectrum.field(c), PolarSolver(12, 36, 1.4)
     given = bounded(torch.tensor(grid.mesh.to_faces @ nu))[None]
     exact = solver.solve(given, 1e-9) - torch.tensor(solver.mesh.z)
-    columns = torch.view_as_real(torch.from_numpy(mobius_fields(grid.mesh.z[1:]))[None]).mT.flatten(
-        1, 2
-    )
+    columns = torch.view_as_real(torch.from_numpy(mobius_fields(grid.mesh.z[1:]))[None]).mT.flatten(1, 2)
     moved = born.moved(*tensors(nu[1:].reshape(12, 36)))
     one, two = (
-        torch.view_as_real(x.to(torch.complex128)).flatten(1)[..., None]
-        for x in (moved.flatten(1), exact[:, 1:])
+        torch.view_as_real(x.to(torch.complex128)).flatten(1)[..., None] for x in (moved.flatten(1), exact[:, 1:])
     )
     both = torch.cat([one, two], 2)
-    both = (
-        both - columns @ torch.linalg.lstsq(columns, both).solution
-    )  # f(0) = 0, f(1) = 1 is another gauge
+    both = both - columns @ torch.linalg.lstsq(columns, both).solution  # f(0) = 0, f(1) = 1 is another gauge
     assert (both[..., 0] - both[..., 1]).norm() < 0.02 * both[..., 1].norm()
 
 
@@ -147,9 +129,7 @@ def test_an_untrained_network_starts_at_the_born_step(net, landmarks):
     np.testing.assert_allclose(answers["CP-Net, no look"], answers["Born step"], atol=1e-6)
     np.testing.assert_allclose(answers["CP-Net, 2 looks"], answers["Born step, 2 looks"], atol=1e-5)
     asked = {"alpha": 1.0, "beta": 0.1, "gamma": 1e3}
-    np.testing.assert_array_equal(
-        net.predict(*mesh, *landmarks, **asked), answers["CP-Net, 2 looks"]
-    )
+    np.testing.assert_array_equal(net.predict(*mesh, *landmarks, **asked), answers["CP-Net, 2 looks"])
     fit = fit_landmarks(*mesh, *landmarks, 1.0, 0.1, 1e3)
     errors = [exact_map(problem, mu).landmark_error for mu in answers.values()][:3]
     assert abs(errors[2] - fit.landmark_error) < 0.1 * fit.landmark_error
@@ -175,9 +155,7 @@ def test_stiff_weights_have_a_finer_grid_and_more_looks_from_the_born_step_on(ne
         assert abs(answers["CP-Net, no look"] - answers["Born step"]).max() > 1e-6
         if looks > 2:  # the best that was looked at: never worse for another look
             found = [
-                measured_losses(problem, weights, mu, problem.samples @ exact_map(problem, mu).f)[
-                    "L_CP"
-                ]
+                measured_losses(problem, weights, mu, problem.samples @ exact_map(problem, mu).f)["L_CP"]
                 for mu in (answers[f"{start}, {k} looks"] for k in range(2, looks + 1))
             ]
             assert (np.diff(found) < 0.05 * np.array(found[:-1])).all()
@@ -196,9 +174,7 @@ def test_a_turn_of_the_disk_turns_the_answer(net, landmarks):
     z, faces = polar_disk(12, 36, 1.4)
     turn = np.exp(2j * np.pi * 5 / 36)  # by whole spokes
     for model in (net, stirred(net)):
-        straight, turned = (
-            model.predict(x * z, faces, x * p, x * q, 1.0, 0.1, 1e3) for x in (1, turn)
-        )
+        straight, turned = (model.predict(x * z, faces, x * p, x * q, 1.0, 0.1, 1e3) for x in (1, turn))
         np.testing.assert_allclose(turned, straight * turn**2, atol=0.02 * abs(straight).max())
 
 
@@ -222,10 +198,7 @@ def test_the_answer_is_a_coefficient_on_any_mesh(net, landmarks):
     for count in (1, 2):
         mu = model.predict(z, faces, *(x[:count] for x in landmarks))
         assert np.isfinite(mu).all()
-    assert (
-        abs(model.predict(z, faces, landmarks[0][:2], mobius(landmarks[0][:2], 0.1, 0.5))).max()
-        < 5e-3
-    )  # float32
+    assert abs(model.predict(z, faces, landmarks[0][:2], mobius(landmarks[0][:2], 0.1, 0.5))).max() < 5e-3  # float32
 
 
 def test_bad_input_is_refused(net, landmarks):
@@ -252,10 +225,7 @@ def items(count):
     middles = np.array([0.4, -0.35 + 0.3j, -0.1 - 0.45j])
     curves = middles[:, None] + np.array([0.2j, 0.2, 0.15 - 0.15j])[:, None] * t
     subjects = np.array(
-        [
-            curves + 0.05 * (rng.random((3, 1)) - 0.5) * (1 + 1j) + 0.05 * rng.random() * t
-            for _ in range(4)
-        ]
+        [curves + 0.05 * (rng.random((3, 1)) - 0.5) * (1 + 1j) + 0.05 * rng.random() * t for _ in range(4)]
     )
     pairs = Pairs(count, 1, subjects, SMALL)
     return [torch.stack(column) for column in zip(*(pairs[k] for k in range(count)))]
@@ -265,12 +235,7 @@ def test_training_problems_are_masked_inside_and_solved(net):
     p, wanted, left, mask, logs, born, nu = items(6)
     assert p.shape == mask.shape == (6, 128) and born.shape == nu.shape == (6, 12, 36)
     assert p.abs().max() < 1 and (p[mask == 0] == 0).all() and mask.sum(1).min() >= 4
-    assert (
-        (logs[:, 0] >= -4).all()
-        and (logs[:, 0] <= 1).all()
-        and (logs[:, 1] >= 0).all()
-        and (logs[:, 1] <= 6).all()
-    )
+    assert (logs[:, 0] >= -4).all() and (logs[:, 0] <= 1).all() and (logs[:, 1] >= 0).all() and (logs[:, 1] <= 6).all()
     assert ((left.abs() ** 2).sum(1) < (wanted.abs() ** 2).sum(1)).all() and nu.abs().max() < 1.6
 
 
@@ -284,26 +249,19 @@ def test_turns_and_mirrors_of_training_problems_are_problems(net):
         point = drawn[0][:, 0] / batch[0][:, 0]  # of a turn alone
         mirrored = (drawn[0][:, 0] / batch[0][:, 0].conj()).abs() - 1
         assert point.abs().sub(1).abs().max() < 1e-5 and mirrored.abs().max() < 1e-5
-        torch.testing.assert_close(
-            after.abs().mean((1, 2)), before.abs().mean((1, 2)), rtol=1e-3, atol=1e-6
-        )
+        torch.testing.assert_close(after.abs().mean((1, 2)), before.abs().mean((1, 2)), rtol=1e-3, atol=1e-6)
         places = [net.grid.locate(points) for points in (drawn[0], batch[0])]
         there, here = (
-            net.grid.sample(net.grid.with_centre(field), place).abs()
-            for field, place in zip((after, before), places)
+            net.grid.sample(net.grid.with_centre(field), place).abs() for field, place in zip((after, before), places)
         )
-        torch.testing.assert_close(
-            there * drawn[3], (here * batch[3])[:, : there.shape[1]], rtol=0.05, atol=2e-3
-        )
+        torch.testing.assert_close(there * drawn[3], (here * batch[3])[:, : there.shape[1]], rtol=0.05, atol=2e-3)
 
 
 def test_one_batch_is_overfitted(tmp_path):
     torch.manual_seed(0)
     model = BestCPNet(SMALL)
     some = torch.utils.data.TensorDataset(*items(2))
-    model.draw = lambda batch, generator, draw=model.draw: draw(
-        batch, None
-    )  # the same problems at every step
+    model.draw = lambda batch, generator, draw=model.draw: draw(batch, None)  # the same problems at every step
     before = model.loss(some.tensors, None)[0].item()
     config = TrainConfig(steps=12, batch=2, rate=3e-3, warmup=1, validate_every=12)
     row = train(model, some, some, config, tmp_path, False)
@@ -315,9 +273,7 @@ def paper():
     torch.manual_seed(0)
     model = PaperCPNet(PAPER).eval()
     t = np.linspace(-0.3, 0.3, 4)
-    model.targets.copy_(
-        torch.from_numpy(np.concatenate([0.3 + 1j * t, t - 0.3j]))
-    )  # both curves hold 0.3 - 0.3j
+    model.targets.copy_(torch.from_numpy(np.concatenate([0.3 + 1j * t, t - 0.3j])))  # both curves hold 0.3 - 0.3j
     torch.nn.init.normal_(model.head.weight, std=0.5)
     network = PaperDBSNet(PaperDBSNetConfig(size=16, frequencies=2))
     model.solver = [network.mesh, lambda mu: network(mu)[0]]
@@ -360,22 +316,13 @@ def test_the_papers_losses_differ_in_means_gauge_and_what_is_lost(paper):
         model = PaperCPNet(replace(PAPER, loss=name))
         model.load_state_dict(paper.state_dict())
         model.solver = paper.solver
-        losses[name], errors[name] = (
-            model.distance(mesh, mu, p, q).item(),
-            model.loss((off, q), None)[1]["error"],
-        )
+        losses[name], errors[name] = (model.distance(mesh, mu, p, q).item(), model.loss((off, q), None)[1]["error"])
     points = PAPER.gamma * L_Landmark(p, q)
     torch.testing.assert_close(losses["printed"], (L_mu(mu) + L_grad_mu(mesh, mu) + points).item())
-    torch.testing.assert_close(
-        losses["corrected"], (L_mu(mu, shares) + L_grad_mu(mesh, mu, shares) + points).item()
-    )
-    torch.testing.assert_close(
-        losses["whole"], losses["corrected"] + L_lost(mesh, mu, shares).item()
-    )
+    torch.testing.assert_close(losses["corrected"], (L_mu(mu, shares) + L_grad_mu(mesh, mu, shares) + points).item())
+    torch.testing.assert_close(losses["whole"], losses["corrected"] + L_lost(mesh, mu, shares).item())
     assert errors["corrected"] == errors["whole"] < 0.1 * errors["printed"]
-    with pytest.raises(
-        ValueError, match="unknown loss 'half'; there are corrected, whole, printed"
-    ):
+    with pytest.raises(ValueError, match="unknown loss 'half'; there are corrected, whole, printed"):
         PaperCPNet(replace(PAPER, loss="half"))
 
 
@@ -399,13 +346,9 @@ def test_the_papers_answer_follows_a_mobius_map_before_it(paper):
     a, theta = 0.2 - 0.1j, 0.7
     before = mobius(z, a, theta)
     straight = paper.predict(z, faces, p, q)
-    turned = paper.predict(
-        before, faces, mobius(p, a, theta), q
-    )  # the same landmarks on another picture of the disk
+    turned = paper.predict(before, faces, mobius(p, a, theta), q)  # the same landmarks on another picture of the disk
     slope = mobius_slope(z[faces].mean(1), a, theta)
-    np.testing.assert_allclose(
-        turned * slope.conj() / slope, straight, atol=0.05 * abs(straight).max()
-    )
+    np.testing.assert_allclose(turned * slope.conj() / slope, straight, atol=0.05 * abs(straight).max())
 
 
 def test_the_papers_examples_have_one_control():
@@ -426,11 +369,6 @@ def test_the_shipped_networks_two_looks_end_where_the_fit_does():
     q = p * np.exp(0.5j * (1 - abs(p) ** 2)) + 0.05j * p**2
     problem, weights = Problem(Disk(*polar_disk(32, 96, 1.4)), p, q), Weights()
     assert net.gamma_used(weights) == weights.gamma and net.config.looks == 2
-    found = [
-        fit_problem(problem, weights),
-        exact_map(problem, net.predict(problem.disk.z, problem.disk.faces, p, q)),
-    ]
-    fit, answer = (
-        measured_losses(problem, weights, one.mu, problem.samples @ one.f)["L_CP"] for one in found
-    )
+    found = [fit_problem(problem, weights), exact_map(problem, net.predict(problem.disk.z, problem.disk.faces, p, q))]
+    fit, answer = (measured_losses(problem, weights, one.mu, problem.samples @ one.f)["L_CP"] for one in found)
     assert answer < 1.1 * fit

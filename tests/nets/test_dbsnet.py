@@ -1,21 +1,15 @@
 """DBS-Net: what holds by construction, the exact maps it starts from, learns from and goes on to,
 and bad input."""
 
-import exactmaps
 import numpy as np
 import pytest
 import torch
-from meshes import boundary_loop, random_disk, random_mu
 
+import exactmaps
 from data_synth.fields import KINDS, random_coefficient
+from meshes import boundary_loop, random_disk, random_mu
 from qclearn.nets import load
-from qclearn.nets.dbsnet import (
-    BestDBSNet,
-    BestDBSNetConfig,
-    PaperDBSNet,
-    derivative_error,
-    position_error,
-)
+from qclearn.nets.dbsnet import BestDBSNet, BestDBSNetConfig, PaperDBSNet, derivative_error, position_error
 from qclearn.nets.dbsnet_paper import FourierLayer, PaperDBSNetConfig, poisson_matrix
 from qclearn.nets.gauges import gauge_errors
 from qclearn.nets.layers import PolarPad
@@ -59,19 +53,13 @@ def batch(net, count=4, largest=0.5):
 
 @pytest.mark.parametrize("preset", SMALL)
 @pytest.mark.parametrize(
-    "mesh",
-    [polar_disk(8, 16), square_disk(10), random_disk(3, 40)],
-    ids=["own", "square", "random"],
+    "mesh", [polar_disk(8, 16), square_disk(10), random_disk(3, 40)], ids=["own", "square", "random"]
 )
 def test_solve_keeps_the_circle_and_the_fixed_points_on_any_mesh(preset, mesh):
     z, faces = mesh
     net, mu = network(preset), random_mu(np.random.default_rng(1), z, faces, 0.6)
     f = net.solve(z, faces, mu)
-    assert (
-        f.shape == z.shape
-        and f.dtype == np.complex128
-        and np.array_equal(f, net.solve(z, faces, mu))
-    )
+    assert f.shape == z.shape and f.dtype == np.complex128 and np.array_equal(f, net.solve(z, faces, mu))
     np.testing.assert_allclose(abs(f[boundary_loop(faces)]), 1, atol=1e-12)
     assert abs(f - z).max() > 0.02  # not the identity
     for point in (0, 1):
@@ -93,20 +81,14 @@ def test_potentials_turn_with_the_coefficient_and_so_does_what_the_network_adds(
     for U, V in zip(two_steps(net.solver, mu)[1], two_steps(net.solver, turned)[1]):
         torch.testing.assert_close(V, U.roll(shift, -1), atol=1e-5, rtol=0)
     x = torch.randn(1, 14, 8, 16)
-    torch.testing.assert_close(
-        net.unet(x.roll(shift, -1)), net.unet(x).roll(shift, -1), atol=1e-5, rtol=0
-    )
+    torch.testing.assert_close(net.unet(x.roll(shift, -1)), net.unet(x).roll(shift, -1), atol=1e-5, rtol=0)
 
 
 def test_polar_pad_finds_the_neighbours_of_the_disk():
     x = torch.randn(2, 3, 4, 6, dtype=torch.float64, requires_grad=True)
     wide = PolarPad.apply(x)
-    assert torch.equal(wide[..., 1:-1, 0], x[..., -1]) and torch.equal(
-        wide[..., 0, 1], x[..., 0, 3]
-    )
-    assert torch.equal(wide[..., -1, 1:-1], x[..., -1, :]) and torch.equal(
-        wide[..., 0, 0], x[..., 0, 2]
-    )
+    assert torch.equal(wide[..., 1:-1, 0], x[..., -1]) and torch.equal(wide[..., 0, 1], x[..., 0, 3])
+    assert torch.equal(wide[..., -1, 1:-1], x[..., -1, :]) and torch.equal(wide[..., 0, 0], x[..., 0, 2])
     assert torch.autograd.gradcheck(PolarPad.apply, (x,))
 
 
@@ -125,13 +107,9 @@ def test_paper_routes():
 def test_paper_takes_the_mobius_map_after_it_away():
     net = network("paper")
     f = net(batch(net))[0].detach()
-    moved = mobius(
-        f.numpy(), np.array([[0.3j], [0.2], [-0.6], [0]]), np.array([[1.0], [0], [4], [2]])
-    )
+    moved = mobius(f.numpy(), np.array([[0.3j], [0.2], [-0.6], [0]]), np.array([[1.0], [0], [4], [2]]))
     torch.testing.assert_close(net.normalised(torch.from_numpy(moved).to(f)), f, atol=1e-5, rtol=0)
-    beyond = torch.full_like(
-        f, 1.5
-    )  # f(0) off the disk: still finite, and the circle does not turn over
+    beyond = torch.full_like(f, 1.5)  # f(0) off the disk: still finite, and the circle does not turn over
     assert net.normalised(beyond).isfinite().all()
 
 
@@ -152,9 +130,7 @@ def test_poisson_matrix_extends_harmonically():
     angle = 2 * np.pi * np.arange(64) / 64
     z = np.array([0, 0.5, 0.3j, -0.6 + 0.2j])
     np.testing.assert_allclose(
-        np.cos(3 * angle + 1) @ poisson_matrix(z, np.exp(1j * angle)),
-        (z**3 * np.exp(1j)).real,
-        atol=1e-6,
+        np.cos(3 * angle + 1) @ poisson_matrix(z, np.exp(1j * angle)), (z**3 * np.exp(1j)).real, atol=1e-6
     )
 
 
@@ -167,9 +143,7 @@ def test_paper_runs_without_its_options(changes):
 
 
 def test_an_unknown_loss_is_refused():
-    with pytest.raises(
-        ValueError, match="unknown loss 'area'; there are printed, rows, energy, maps"
-    ):
+    with pytest.raises(ValueError, match="unknown loss 'area'; there are printed, rows, energy, maps"):
         PaperDBSNet(PaperDBSNetConfig(size=8, frequencies=2, loss="area"))
 
 
@@ -219,11 +193,7 @@ def test_augmentation_is_drawn_from_the_generator_and_within_bounds():
     net = network("best")
     mu = batch(net)
     one, again, other = (net.rescale(mu, torch.Generator().manual_seed(seed)) for seed in (1, 1, 2))
-    assert (
-        torch.equal(one, again)
-        and not torch.equal(one, other)
-        and torch.equal(net.rescale(mu, None), mu)
-    )
+    assert torch.equal(one, again) and not torch.equal(one, other) and torch.equal(net.rescale(mu, None), mu)
     size = torch.cat([one, other]).abs().amax(1)
     assert size.min() >= 0.05 and size.max() <= 0.6 + 1e-6
 
@@ -234,10 +204,7 @@ def test_solver_goes_on_from_a_map():
     exact = net.solver.solve(mu, 1e-6)
     start = net(mu)
     z = net.z.flatten()
-    errors = [
-        position_error(net.refine(mu, steps, start), exact, z).mean().item()
-        for steps in (0, 1, 2, 4)
-    ]
+    errors = [position_error(net.refine(mu, steps, start), exact, z).mean().item() for steps in (0, 1, 2, 4)]
     assert sorted(errors, reverse=True) == errors and errors[-1] < 0.05 * errors[0]
     torch.testing.assert_close(net.solver.solve(mu, 1e-6, start=start), exact, atol=1e-5, rtol=0)
     warm = net.solver.iterations
@@ -266,10 +233,7 @@ def test_shipped_networks_on_coefficients_they_have_not_seen():
     """Preset `best` well below what it starts from; `paper` at least nearer than the identity."""
     best, paper = (load("dbsnet", preset) for preset in ("best", "paper"))
     mesh = best.solver.mesh
-    mu = [
-        random_coefficient(mesh, np.random.default_rng([8, k]), kind, (0.5, 0.5))
-        for k, kind in enumerate(KINDS)
-    ]
+    mu = [random_coefficient(mesh, np.random.default_rng([8, k]), kind, (0.5, 0.5)) for k, kind in enumerate(KINDS)]
     given = torch.from_numpy(np.array(mu)).to(torch.complex64)
     exact = best.solver.solve(given, 1e-6)
     start = position_error(two_steps(best.solver, given)[0][1], exact, best.z.flatten())

@@ -7,22 +7,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import torch
-from known_surfaces import sphere
-from subjects import grown
 
 from data_synth.datasets import CurveDataset
+from known_surfaces import sphere
 from qclearn.nets import load
-from qclearn.nets.ldnet import (
-    PRESETS,
-    BestLDNet,
-    BestLDNetConfig,
-    contrast,
-    heat_metric,
-    refine,
-    smoothed,
-    some,
-    whole,
-)
+from qclearn.nets.ldnet import PRESETS, BestLDNet, BestLDNetConfig, contrast, heat_metric, refine, smoothed, some, whole
 from qclearn.nets.ldnet_paper import PaperLDNet, PaperLDNetConfig, nearest_pixels
 from qclearn.nets.pictures import stamp, turn
 from qclearn.plane.disk import Disk
@@ -32,6 +21,7 @@ from qclearn.registration.problem import LandmarkError
 from qclearn.surfaces.conformal import ParameterizedSurface, disk_conformal_map, parameterize
 from qclearn.surfaces.curvature import area_radius, sulcal_depth
 from qclearn.surfaces.surface import SurfaceError
+from subjects import grown
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::qclearn.plane.bijectivity.RepairWarning"),
@@ -68,9 +58,7 @@ def test_a_stamp_is_the_bell_around_its_nearest_point():
     shown = torch.tensor([[True, True, True, False]])
     image = stamp(points, shown, 32, 1.5)[0].numpy()
     distance = abs(pixel_centres(32)[..., None] - points[0, :3].numpy()).min(-1) * 16
-    np.testing.assert_allclose(
-        image, np.exp(-(distance**2) / (2 * 1.5**2)) * (distance < 4), atol=0.03
-    )
+    np.testing.assert_allclose(image, np.exp(-(distance**2) / (2 * 1.5**2)) * (distance < 4), atol=0.03)
 
 
 def test_symmetries_move_points_with_their_pixels():
@@ -80,16 +68,11 @@ def test_symmetries_move_points_with_their_pixels():
     points = torch.complex(*(torch.rand(2, 64, 5, generator=generator) * 1.6 - 0.8))
     images = stamp(points, torch.ones(64, 5, dtype=torch.bool), 32, 1.0)[:, None]
     turned, moved = turn(images, points, generator)
-    torch.testing.assert_close(
-        turned[:, 0], stamp(moved, torch.ones(64, 5, dtype=torch.bool), 32, 1.0)
-    )
+    torch.testing.assert_close(turned[:, 0], stamp(moved, torch.ones(64, 5, dtype=torch.bool), 32, 1.0))
     constant = [
-        abs(ratio - ratio.mean(1, keepdim=True)).amax(1) < 1e-3
-        for ratio in (moved / points, moved / points.conj())
+        abs(ratio - ratio.mean(1, keepdim=True)).amax(1) < 1e-3 for ratio in (moved / points, moved / points.conj())
     ]
-    assert (constant[0] ^ constant[1]).all() and 16 < constant[
-        0
-    ].sum() < 48  # turns and reflections
+    assert (constant[0] ^ constant[1]).all() and 16 < constant[0].sum() < 48  # turns and reflections
     turns = (moved / points)[constant[0]].mean(1)
     assert len(set(np.round(turns.numpy(), 3))) == 4
 
@@ -102,32 +85,21 @@ def test_some_curves_and_parts_of_curves_are_shown():
     assert 0.1 < ((first > 0) | (last < 36)).float().mean() < 0.3
     assert all(
         torch.equal(a[0], b)
-        for a, b in zip(
-            whole(curves),
-            (torch.zeros(8).long(), torch.full((8,), 36), torch.ones(8, dtype=torch.bool)),
-        )
+        for a, b in zip(whole(curves), (torch.zeros(8).long(), torch.full((8,), 36), torch.ones(8, dtype=torch.bool)))
     )
 
 
 def test_contrast_keeps_black_white_and_the_order_of_greys():
     grey = torch.linspace(0, 255, 32).expand(50, 1, 32, 32)
     changed = contrast(grey, torch.Generator().manual_seed(0))
-    assert (
-        changed.min() >= 0 and changed.max() <= 255 and (changed[..., 1:-1].diff(dim=-1) > 0).all()
-    )
+    assert changed.min() >= 0 and changed.max() <= 255 and (changed[..., 1:-1].diff(dim=-1) > 0).all()
     assert changed[:, 0, 16, 16].std() > 10
 
 
 def test_points_between_lie_on_the_polyline():
     curves = torch.tensor([[[0, 1, 1 + 2j]]])
     points, place = refine(curves, 2)
-    assert points[0, 0].tolist() == [0, 0.5, 1, 1 + 1j, 1 + 2j] and place.tolist() == [
-        0,
-        0.5,
-        1,
-        1.5,
-        2,
-    ]
+    assert points[0, 0].tolist() == [0, 0.5, 1, 1 + 1j, 1 + 2j] and place.tolist() == [0, 0.5, 1, 1.5, 2]
 
 
 @pytest.mark.parametrize("network, config", [(BestLDNet, SMALL), (PaperLDNet, PAPER)])
@@ -151,9 +123,7 @@ def test_a_network_learns_one_batch(network, config, batch):
 def test_a_loss_is_its_generators(batch):
     for network, config in ((BestLDNet, SMALL), (PaperLDNet, PAPER)):
         model = untrained(network, config)
-        a, b, c = (
-            model.loss(batch, torch.Generator().manual_seed(seed))[0].item() for seed in (1, 1, 2)
-        )
+        a, b, c = (model.loss(batch, torch.Generator().manual_seed(seed))[0].item() for seed in (1, 1, 2))
         assert a == b != c
 
 
@@ -199,9 +169,7 @@ def test_smoothing_keeps_constants_and_is_the_umbrellas(subject):
     np.testing.assert_allclose(smoothed(surface, np.full(len(z), 3.0)), 3)
     vertex = surface.edges[0, 0]
     around = np.setdiff1d(surface.edges[(surface.edges == vertex).any(1)], vertex)
-    assert smoothed(surface, z.real, 1)[vertex] == pytest.approx(
-        (z.real[vertex] + z.real[around].mean()) / 2
-    )
+    assert smoothed(surface, z.real, 1)[vertex] == pytest.approx((z.real[vertex] + z.real[around].mean()) / 2)
 
 
 def test_the_papers_curves_keep_the_endpoints_and_stay_in_the_disk(subject):
@@ -225,9 +193,7 @@ def test_the_papers_network_sees_the_picture_it_was_trained_on(subject, cortex):
     model, seen = untrained(PaperLDNet, PAPER), []
     model.register_forward_pre_hook(lambda module, inputs: seen.append(inputs))
     turned = dataset.subjects[0][2].solve(np.zeros(len(surface.faces)))
-    turned = turned * (
-        points[0, 0].numpy() / area_radius(surface, turned).to_image(turned[ends[0, 0]])
-    )
+    turned = turned * (points[0, 0].numpy() / area_radius(surface, turned).to_image(turned[ends[0, 0]]))
     turned /= abs(turned).max()
     model.detect(surface, turned, ends)
     torch.testing.assert_close(seen[0][0][0], image, atol=0.2, rtol=0)
@@ -241,16 +207,8 @@ BAD = [
     (lambda s, z, e: (s, z, np.zeros((0, 2), int)), LandmarkError, "at least one curve"),
     (lambda s, z, e: (s, z, e + 0.5), LandmarkError, "vertex indices"),
     (lambda s, z, e: (s, z[:-1], e), SurfaceError, "give the disk map of this surface"),
-    (
-        lambda s, z, e: (s, np.where(np.arange(len(z)) == 3, np.nan, z), e),
-        SurfaceError,
-        "1 of its numbers not finite",
-    ),
-    (
-        lambda s, z, e: (sphere(), np.zeros(len(sphere().vertices)), e),
-        SurfaceError,
-        "closed|boundary",
-    ),
+    (lambda s, z, e: (s, np.where(np.arange(len(z)) == 3, np.nan, z), e), SurfaceError, "1 of its numbers not finite"),
+    (lambda s, z, e: (sphere(), np.zeros(len(sphere().vertices)), e), SurfaceError, "closed|boundary"),
 ]
 
 
@@ -303,15 +261,10 @@ def test_distance_between_curves(subject):
         assert step.max() < 1.2 * np.median(step)
         length = np.linalg.norm(np.diff(surface.vertices[path], axis=0), axis=1).sum()
         assert step.sum() == pytest.approx(length, rel=0.02)
-    assert (
-        curve_distance(points[0], points[2])
-        < 0.2 * np.linalg.norm(np.diff(points[0], axis=0), axis=1).max()
-    )
+    assert curve_distance(points[0], points[2]) < 0.2 * np.linalg.norm(np.diff(points[0], axis=0), axis=1).max()
     shift = np.array([0, 0, 3.0])
     line = np.linspace([0, 0, 0], [50.0, 0, 0], 400)
     assert curve_distance(line, line + shift) == pytest.approx(3)
-    assert curve_distance(line, line[:200]) == pytest.approx(
-        50 / 16, rel=0.02
-    )  # half of it by 25/2 on average
+    assert curve_distance(line, line[:200]) == pytest.approx(50 / 16, rel=0.02)  # half of it by 25/2 on average
     twin = curves_in_space(side, detect_curves(surface, z, ends[:1]))[0]
     assert 0 <= curve_distance(points[0], twin) < 20

@@ -4,9 +4,9 @@ the printed one."""
 import numpy as np
 import pytest
 import torch
+
 from exactmaps import DISK_MAPS
 from meshes import random_disk, random_mu
-
 from qclearn.nets.losses import (
     L_CP,
     L_LBS,
@@ -84,9 +84,7 @@ def test_energy_loss_falls_with_the_square_of_the_mesh_and_does_not_see_mobius_m
         mu, f = (torch.from_numpy(x)[None] for x in (exact.on_faces(disk), exact(disk.z)))
         mesh = LossMesh(disk, torch.float64)
         plain.append(L_Energy(mesh, mu, f).item())
-        moved.append(
-            L_Energy(mesh, mu, torch.from_numpy(mobius(f.numpy(), 0.3 + 0.2j, 1.0))).item()
-        )
+        moved.append(L_Energy(mesh, mu, torch.from_numpy(mobius(f.numpy(), 0.3 + 0.2j, 1.0))).item())
     assert plain[0] > 3 * plain[1] and moved[0] > 3 * moved[1]
 
 
@@ -119,10 +117,7 @@ def test_printed_loss_allows_the_collapse_and_the_corrected_one_does_not():
     mesh, given = LossMesh(disk, torch.float64), torch.from_numpy(mu)[None]
     loop = mesh.loop.numpy()
     angle = np.angle(DISK_MAPS[1](z[loop]))
-    maps = [
-        solve_beltrami(z, faces, mu, loop, np.exp(1j * share * angle))
-        for share in (1.0, 0.3, 0.1, 0.01)
-    ]
+    maps = [solve_beltrami(z, faces, mu, loop, np.exp(1j * share * angle)) for share in (1.0, 0.3, 0.1, 0.01)]
     printed = [L_LBS_printed(mesh, given, torch.from_numpy(f)[None]).item() for f in maps]
     assert sorted(printed, reverse=True) == printed and printed[-1] < 0.05 * printed[0]
     for f in maps:
@@ -139,9 +134,9 @@ def test_boundary_loss_is_least_for_equal_angles():
     equal = torch.full((1, n), 2 * np.pi / n, dtype=torch.float64)
     tilted = equal + torch.linspace(-0.1, 0.1, n, dtype=torch.float64)
     assert L_Boundary(equal).item() == pytest.approx(n**2 / (2 * np.pi))
-    assert L_Boundary(tilted).item() == pytest.approx(float((1 / tilted).sum())) and L_Boundary(
-        tilted
-    ) > L_Boundary(equal)
+    assert L_Boundary(tilted).item() == pytest.approx(float((1 / tilted).sum())) and L_Boundary(tilted) > L_Boundary(
+        equal
+    )
 
 
 def test_dbsnet_loss_weighs_its_parts(problem):
@@ -165,14 +160,9 @@ def test_gradient_of_a_linear_coefficient_is_exact():
     boundary."""
     disk = Disk(*polar_disk(24, 72))
     centre = disk.centroids
-    mesh, mu = (
-        LossMesh(disk, torch.float64),
-        torch.from_numpy((1 + 2j) * centre.real + 1j * centre.imag)[None],
-    )
+    mesh, mu = (LossMesh(disk, torch.float64), torch.from_numpy((1 + 2j) * centre.real + 1j * centre.imag)[None])
     inside = (abs(centre) > 0.2) & (abs(centre) < 0.8)
-    assert L_grad_mu(mesh, mu, torch.from_numpy(inside / inside.sum())).item() == pytest.approx(
-        6, rel=0.02
-    )
+    assert L_grad_mu(mesh, mu, torch.from_numpy(inside / inside.sum())).item() == pytest.approx(6, rel=0.02)
 
 
 @pytest.mark.parametrize("checks", [False, True])
@@ -180,13 +170,8 @@ def test_what_averages_lose_is_nearly_all_of_stripes_and_little_of_a_linear_fiel
     disk = Disk(*square_disk(16))
     mesh, (row, column) = LossMesh(disk, torch.float64), np.indices((16, 16))
     stripes, linear = (-1.0) ** (row + checks * column), (column + 1j * row) / 8
-    both = (
-        torch.from_numpy(image.ravel().astype(complex)).repeat(2)[None]
-        for image in (stripes, linear)
-    )
-    (seen, lost), (kept, left) = (
-        (L_grad_mu(mesh, mu).item(), L_lost(mesh, mu).item()) for mu in both
-    )
+    both = (torch.from_numpy(image.ravel().astype(complex)).repeat(2)[None] for image in (stripes, linear))
+    (seen, lost), (kept, left) = ((L_grad_mu(mesh, mu).item(), L_lost(mesh, mu).item()) for mu in both)
     assert lost == pytest.approx((4 / disk.areas).mean(), rel=0.2) and lost > 8 * seen
     assert 0 < left < 0.5 * kept and L_lost(mesh, torch.full((1, 512), 0.3 + 0.1j)).item() < 1e-20
 
@@ -196,6 +181,5 @@ def test_cp_loss_weighs_its_parts(problem):
     points, target = f[:, :4], f[:, 4:8]
     parts = L_mu(mu), L_grad_mu(mesh, mu), L_Landmark(points, target)
     torch.testing.assert_close(
-        L_CP(mesh, mu, points, target, Weights(2.0, 3.0, 5.0)),
-        2 * parts[0] + 3 * parts[1] + 5 * parts[2],
+        L_CP(mesh, mu, points, target, Weights(2.0, 3.0, 5.0)), 2 * parts[0] + 3 * parts[1] + 5 * parts[2]
     )

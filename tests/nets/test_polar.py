@@ -4,9 +4,9 @@ its normalisation."""
 import numpy as np
 import pytest
 import torch
+
 from exactmaps import DISK_MAPS
 from meshes import random_mu
-
 from qclearn.nets.polar import PolarSolver
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.solver import DiskSolver
@@ -49,9 +49,7 @@ def assert_same_as_factored(solver, mu):
         np.testing.assert_allclose(f[k].detach().numpy(), factored.solve(mu[k]), atol=1e-11)
         assert floored[k] == factored.floored
         expected = factored.pullback(grad_f[k])
-        np.testing.assert_allclose(
-            given.grad[k].numpy(), expected, atol=1e-10 * abs(expected).max()
-        )
+        np.testing.assert_allclose(given.grad[k].numpy(), expected, atol=1e-10 * abs(expected).max())
     return floored
 
 
@@ -183,26 +181,18 @@ def test_limit():
 # The adjoint.
 
 
-@pytest.mark.parametrize(
-    "size, largest", [((2, 4, 1.0), (0.5, 0.3)), ((3, 4, 1.4), (0.5,))], ids=str
-)
+@pytest.mark.parametrize("size, largest", [((2, 4, 1.0), (0.5, 0.3)), ((3, 4, 1.4), (0.5,))], ids=str)
 def test_gradcheck(size, largest):
     solver = PolarSolver(*size)
     mu = torch.from_numpy(coefficients(solver, *largest)).requires_grad_()
-    assert torch.autograd.gradcheck(
-        lambda mu: solver.solve(mu, tolerance=1e-14), (mu,), eps=1e-6, atol=1e-8, rtol=1e-6
-    )
+    assert torch.autograd.gradcheck(lambda mu: solver.solve(mu, tolerance=1e-14), (mu,), eps=1e-6, atol=1e-8, rtol=1e-6)
 
 
 def test_sample_without_a_gradient_beside_one_with():
     solver = PolarSolver(6, 18)
     mu = torch.from_numpy(coefficients(solver, 0.5, 0.3)).requires_grad_()
     solver.solve(mu)[1].imag.square().sum().backward()
-    assert (
-        (mu.grad[0] == 0).all()
-        and mu.grad[1].abs().min() > 0
-        and torch.isfinite(mu.grad.abs()).all()
-    )
+    assert (mu.grad[0] == 0).all() and mu.grad[1].abs().min() > 0 and torch.isfinite(mu.grad.abs()).all()
 
 
 # Bad input.

@@ -44,9 +44,7 @@ def test_every_recipe_runs_and_its_weights_load(tmp_path, data, network, preset,
     header = model.header
     assert row["step"] == header["steps"] == 2 and model.config.preset == preset
     assert header["data"]["recipe"] == f"data_synth.training.{network}" and header["data"]["quick"]
-    assert (
-        header["figures"]["validation_loss"] == row["validation_loss"] < float("inf")
-    )  # one is a logarithm
+    assert header["figures"]["validation_loss"] == row["validation_loss"] < float("inf")  # one is a logarithm
     if gamma:
         assert model.config.gamma == gamma and path.name == "cpnet-paper-g1e4.safetensors"
 
@@ -100,10 +98,7 @@ def test_each_loss_of_the_papers_dbsnet_goes_on_to_the_same_weights(tmp_path, lo
     resumed, again = run_training("dbsnet", preset, out=tmp_path / "part", **options)
     models = [load_file(path) for path in (whole, resumed)]
     a, b = (model.state_dict() for model in models)
-    assert (
-        all(torch.equal(a[name], b[name]) for name in a)
-        and models[0].header["config"]["loss"] == loss
-    )
+    assert all(torch.equal(a[name], b[name]) for name in a) and models[0].header["config"]["loss"] == loss
     assert {name: row[name] for name in row if name != "seconds"} == {
         name: again[name] for name in again if name != "seconds"
     }
@@ -112,9 +107,7 @@ def test_each_loss_of_the_papers_dbsnet_goes_on_to_the_same_weights(tmp_path, lo
 
 @pytest.mark.slow
 def test_two_processes_train_together(tmp_path, data):
-    run_training(
-        "dbsnet", out=tmp_path / "draw", data=data, steps=1, quick=True
-    )  # the set is there for both
+    run_training("dbsnet", out=tmp_path / "draw", data=data, steps=1, quick=True)  # the set is there for both
     command = [
         sys.executable,
         "-m",
@@ -137,12 +130,7 @@ def test_two_processes_train_together(tmp_path, data):
         "1",
     ]
     done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        timeout=180,
-        env={**os.environ, "OMP_NUM_THREADS": "1"},
-        check=False,
+        command, capture_output=True, text=True, timeout=180, env={**os.environ, "OMP_NUM_THREADS": "1"}, check=False
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("validation loss") == 1  # the first process alone writes and speaks
@@ -151,12 +139,7 @@ def test_two_processes_train_together(tmp_path, data):
 
 @pytest.mark.parametrize(
     "network, preset, gamma",
-    [
-        ("cpnet", "paper", None),
-        ("cpnet", "best", 1e4),
-        ("dbsnet", "best", 1e4),
-        ("cpnet", "paper", 3e4),
-    ],
+    [("cpnet", "paper", None), ("cpnet", "best", 1e4), ("dbsnet", "best", 1e4), ("cpnet", "paper", 3e4)],
 )
 def test_gamma_belongs_to_the_papers_cpnet_alone(tmp_path, network, preset, gamma):
     with pytest.raises(TrainingError, match="needs one of 10000, 100000, 200000"):
@@ -166,19 +149,7 @@ def test_gamma_belongs_to_the_papers_cpnet_alone(tmp_path, network, preset, gamm
 def test_bad_input_is_one_line(tmp_path, capsys):
     (tmp_path / "file").write_text("")
     with pytest.raises(SystemExit) as stop:
-        main(
-            [
-                "train",
-                "dbsnet",
-                "--out",
-                str(tmp_path / "file"),
-                "--data",
-                str(tmp_path),
-                "--quick",
-                "--steps",
-                "1",
-            ]
-        )
+        main(["train", "dbsnet", "--out", str(tmp_path / "file"), "--data", str(tmp_path), "--quick", "--steps", "1"])
     error = capsys.readouterr().err
     assert stop.value.code == 2 and "give another folder" in error.splitlines()[-1]
 

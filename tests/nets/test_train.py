@@ -56,24 +56,15 @@ def run(folder, model=None, config=CONFIG, count=30):
 
 def test_it_learns_and_logs(tmp_path):
     model, last = run(tmp_path)
-    assert model.layer.weight.item() == pytest.approx(
-        3, abs=0.3
-    ) and model.layer.bias.item() == pytest.approx(-1, abs=0.3)
+    assert model.layer.weight.item() == pytest.approx(3, abs=0.3) and model.layer.bias.item() == pytest.approx(
+        -1, abs=0.3
+    )
     assert not model.training
     with (tmp_path / "log.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [int(row["step"]) for row in rows] == [20, 40, 60]
-    assert set(rows[0]) == {
-        "step",
-        "loss",
-        "slope",
-        "validation_loss",
-        "validation_slope",
-        "seconds",
-    }
-    assert (
-        float(rows[-1]["validation_loss"]) == last["validation_loss"] < 0.01
-    )  # from 4 at the start
+    assert set(rows[0]) == {"step", "loss", "slope", "validation_loss", "validation_slope", "seconds"}
+    assert float(rows[-1]["validation_loss"]) == last["validation_loss"] < 0.01  # from 4 at the start
     assert json.loads((tmp_path / "config.json").read_text())["training"]["rate"] == 0.2
 
 
@@ -98,12 +89,8 @@ def test_a_killed_run_goes_on_to_the_same_numbers(tmp_path):
     with pytest.raises(Killed):
         run(tmp_path / "killed", Fragile(noise=0.5))
     resumed, found = run(tmp_path / "killed", Line(noise=0.5))
-    assert torch.equal(resumed.layer.weight, whole.layer.weight) and torch.equal(
-        resumed.layer.bias, whole.layer.bias
-    )
-    assert {k: v for k, v in found.items() if k != "seconds"} == {
-        k: v for k, v in expected.items() if k != "seconds"
-    }
+    assert torch.equal(resumed.layer.weight, whole.layer.weight) and torch.equal(resumed.layer.bias, whole.layer.bias)
+    assert {k: v for k, v in found.items() if k != "seconds"} == {k: v for k, v in expected.items() if k != "seconds"}
     with (tmp_path / "killed" / "log.csv").open(newline="") as file:
         assert [int(row["step"]) for row in csv.DictReader(file)] == [20, 40, 60]
 
@@ -118,9 +105,7 @@ def test_a_run_is_kept_between_two_rows_of_its_log(tmp_path, monkeypatch):
     with safe_open(tmp_path / "killed" / "checkpoint.safetensors", framework="pt") as file:
         assert file.metadata()["step"] == "49"
     _, found = run(tmp_path / "killed", Line(noise=0.5))
-    assert {k: v for k, v in found.items() if k != "seconds"} == {
-        k: v for k, v in expected.items() if k != "seconds"
-    }
+    assert {k: v for k, v in found.items() if k != "seconds"} == {k: v for k, v in expected.items() if k != "seconds"}
 
 
 def test_a_full_disk_leaves_no_damaged_configuration(tmp_path, monkeypatch):
@@ -159,10 +144,7 @@ def test_the_rate_warms_up_and_falls_to_zero():
 
 
 def test_the_seed_decides(tmp_path):
-    a, b = (
-        run(tmp_path / name, Line(0.5), replace(CONFIG, seed=seed))[0]
-        for name, seed in (("a", 1), ("b", 2))
-    )
+    a, b = (run(tmp_path / name, Line(0.5), replace(CONFIG, seed=seed))[0] for name, seed in (("a", 1), ("b", 2)))
     assert not torch.equal(a.layer.weight, b.layer.weight)
 
 
@@ -238,20 +220,10 @@ def test_two_processes_share_the_batch_and_agree_with_one(tmp_path):
         tmp_path / "two",
     ]
     done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        env={**os.environ, "OMP_NUM_THREADS": "1"},
-        check=False,
+        command, capture_output=True, text=True, timeout=120, env={**os.environ, "OMP_NUM_THREADS": "1"}, check=False
     )
     assert done.returncode == 0, done.stderr
     first, second = (
-        [float(word) for word in (tmp_path / "two" / name).read_text().split()]
-        for name in ("rank0", "rank1")
+        [float(word) for word in (tmp_path / "two" / name).read_text().split()] for name in ("rank0", "rank1")
     )
-    assert (
-        first
-        == second
-        == pytest.approx([model.layer.weight.item(), model.layer.bias.item()], abs=1e-5)
-    )
+    assert first == second == pytest.approx([model.layer.weight.item(), model.layer.bias.item()], abs=1e-5)

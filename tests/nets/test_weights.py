@@ -13,17 +13,7 @@ from torch import nn
 
 from qclearn.nets import weights
 from qclearn.nets.networks import NETWORKS, Network
-from qclearn.nets.weights import (
-    FOLDER,
-    FORMAT,
-    WeightsError,
-    digest,
-    load,
-    load_file,
-    read_weights,
-    save_weights,
-    stem,
-)
+from qclearn.nets.weights import FOLDER, FORMAT, WeightsError, digest, load, load_file, read_weights, save_weights, stem
 
 HEADER = {"network": "toy", "training": {}, "data": {}, "steps": 3, "commit": "", "figures": {}}
 
@@ -44,9 +34,7 @@ class Toy(nn.Module):
 @pytest.fixture(autouse=True)
 def toy(monkeypatch):
     """The network "toy" beside the real ones."""
-    monkeypatch.setitem(
-        sys.modules, "toy", type("module", (), {"PRESETS": {"best": (Toy, ToyConfig())}})
-    )
+    monkeypatch.setitem(sys.modules, "toy", type("module", (), {"PRESETS": {"best": (Toy, ToyConfig())}}))
     monkeypatch.setitem(NETWORKS, "toy", Network("toy", "solve", "toy:data"))
 
 
@@ -62,9 +50,7 @@ def test_what_is_written_comes_back(tmp_path):
     save_weights(tmp_path / "a.safetensors", model, HEADER)
     back = load_file(tmp_path / "a.safetensors", "toy")
     assert back.config == model.config and not back.training
-    assert (
-        torch.equal(back.layer.weight, model.layer.weight) and not back.layer.weight.requires_grad
-    )
+    assert torch.equal(back.layer.weight, model.layer.weight) and not back.layer.weight.requires_grad
     assert back.header["steps"] == 3 and back.header["format"] == FORMAT
     assert [path.name for path in tmp_path.iterdir()] == ["a.safetensors"]
 
@@ -80,10 +66,7 @@ def rewritten(file, change):
 @pytest.mark.parametrize(
     "change, words",
     [
-        (
-            lambda header, state: header.update(format=FORMAT + 1),
-            f"format {FORMAT + 1}, this version reads {FORMAT}",
-        ),
+        (lambda header, state: header.update(format=FORMAT + 1), f"format {FORMAT + 1}, this version reads {FORMAT}"),
         (lambda header, state: header.pop("figures"), "lacks figures"),
         (lambda header, state: state["layer.bias"].add_(1), "checksum"),
         (lambda header, state: header.update(network="other"), "no network is called 'other'"),
@@ -139,11 +122,7 @@ def test_a_safetensors_file_of_others_is_refused(tmp_path):
 
 def test_an_incomplete_header_is_not_written(tmp_path):
     with pytest.raises(WeightsError, match="lacks steps"):
-        save_weights(
-            tmp_path / "a.safetensors",
-            Toy(ToyConfig()),
-            {k: v for k, v in HEADER.items() if k != "steps"},
-        )
+        save_weights(tmp_path / "a.safetensors", Toy(ToyConfig()), {k: v for k, v in HEADER.items() if k != "steps"})
     assert not list(tmp_path.iterdir())
 
 
@@ -162,22 +141,12 @@ def test_what_is_not_shipped_is_refused(arguments, words):
 
 
 def test_names_of_the_files():
-    assert (
-        stem("cpnet", "paper", 2e5) == "cpnet-paper-g2e5"
-        and stem("dbsnet", "best") == "dbsnet-best"
-    )
+    assert stem("cpnet", "paper", 2e5) == "cpnet-paper-g2e5" and stem("dbsnet", "best") == "dbsnet-best"
 
 
 def test_the_digest_sees_shape_type_and_order():
     x = torch.arange(6.0)
-    different = [
-        [x],
-        [x.reshape(2, 3)],
-        [x.double()],
-        [x + 1],
-        [x[:3], x[3:]],
-        [torch.complex(x, x)],
-    ]
+    different = [[x], [x.reshape(2, 3)], [x.double()], [x + 1], [x[:3], x[3:]], [torch.complex(x, x)]]
     assert len({digest(tensors) for tensors in different}) == len(different)
 
 
@@ -200,14 +169,8 @@ CALLS = [(name, preset) for name, row in NETWORKS.items() for preset in row.pres
 
 @pytest.mark.parametrize("name, preset", CALLS)
 def test_every_call_runs_on_one_thread_and_puts_the_number_back(name, preset):
-    network_class, probe, before = (
-        NETWORKS[name].presets[preset][0],
-        Probe(),
-        torch.get_num_threads(),
-    )
-    call = (
-        "heat" if (name, preset) == ("ldnet", "best") else NETWORKS[name].call
-    )  # the part of its `detect` in torch
+    network_class, probe, before = (NETWORKS[name].presets[preset][0], Probe(), torch.get_num_threads())
+    call = "heat" if (name, preset) == ("ldnet", "best") else NETWORKS[name].call  # the part of its `detect` in torch
     torch.set_num_threads(3)
     try:
         with pytest.raises(LookupError):
@@ -227,26 +190,16 @@ def test_the_shipped_weights_are_small():
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_shipped_weights_were_trained_from_a_committed_tree(path):
-    assert not read_weights(path)[0]["commit"].endswith("+changes"), (
-        "train it by book/studies/training.py"
-    )
+    assert not read_weights(path)[0]["commit"].endswith("+changes"), "train it by book/studies/training.py"
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_shipped_weights_load_and_say_where_they_come_from(path):
     model = load_file(path)
     header = model.header
-    assert path.stem == stem(
-        header["network"], header["config"]["preset"], header["config"].get("gamma")
-    )
-    config = json.loads(
-        json.dumps(asdict(model.config))
-    )  # may have gained settings of the use, not of the training
+    assert path.stem == stem(header["network"], header["config"]["preset"], header["config"].get("gamma"))
+    config = json.loads(json.dumps(asdict(model.config)))  # may have gained settings of the use, not of the training
     config |= weights.GONE
     assert {name: config[name] for name in header["config"]} == header["config"]
-    assert (
-        header["steps"] == header["training"]["steps"] > 0
-        and header["commit"]
-        and header["data"]["items"] > 0
-    )
+    assert header["steps"] == header["training"]["steps"] > 0 and header["commit"] and header["data"]["items"] > 0
     assert not header["data"]["quick"] and math.isfinite(header["figures"]["validation_loss"])

@@ -1,8 +1,8 @@
 """Meshes that the tests of the plane share."""
 
 import pytest
-from meshes import random_disk
 
+from meshes import random_disk
 from qclearn.plane.grids import polar_disk, square_disk
 
 MESHES = {

@@ -6,22 +6,12 @@ import lapy
 import lapy.conformal
 import numpy as np
 import pytest
-from exactmaps import (
-    DISK_MAPS,
-    RADIAL,
-    SLIDING,
-    affine,
-    after,
-    moebius,
-    radial_stretch,
-    sliding_three,
-    twist,
-)
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from meshes import boundary_loop, random_disk, random_mu
 from scipy import sparse
 
+from exactmaps import DISK_MAPS, RADIAL, SLIDING, affine, after, moebius, radial_stretch, sliding_three, twist
+from meshes import boundary_loop, random_disk, random_mu
 from qclearn.plane.beltrami import (
     beltrami_coefficient,
     hat_gradients,
@@ -115,9 +105,7 @@ def test_affine_map_is_recovered():
     f_z, f_zbar = wirtinger(z, faces, exact(z))
     np.testing.assert_allclose(f_z, 1.2 - 0.5j, atol=1e-12)
     np.testing.assert_allclose(f_zbar, 0.3 + 0.6j, atol=1e-12)
-    np.testing.assert_allclose(
-        beltrami_coefficient(z, faces, exact(z)), exact.mu(z[:1])[0], atol=1e-12
-    )
+    np.testing.assert_allclose(beltrami_coefficient(z, faces, exact(z)), exact.mu(z[:1])[0], atol=1e-12)
 
 
 @pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda exact: exact.name)
@@ -156,9 +144,7 @@ def test_surface_target_of_a_lifted_plane_has_the_planar_coefficient():
     z, faces = DISK
     f = SLIDING(z)
     lifted = 3.0 * space(f) @ turned_in_space().T + [1.0, -2.0, 5.0]
-    np.testing.assert_allclose(
-        beltrami_coefficient(z, faces, lifted), beltrami_coefficient(z, faces, f), atol=1e-12
-    )
+    np.testing.assert_allclose(beltrami_coefficient(z, faces, lifted), beltrami_coefficient(z, faces, f), atol=1e-12)
 
 
 def test_surface_target_of_a_linear_map_into_space():
@@ -178,9 +164,7 @@ def test_surface_target_is_the_papers_formula_and_hides_folds():
     z, faces = DISK
     points = np.stack([z.real, z.imag + z.real**2, np.sin(3 * z.imag)], 1)
     gradients = hat_gradients(z, faces)
-    x, y = (
-        np.einsum("fk,fkc->fc", part, points[faces]) for part in (gradients.real, gradients.imag)
-    )
+    x, y = (np.einsum("fk,fkc->fc", part, points[faces]) for part in (gradients.real, gradients.imag))
     E, F, G = (x * x).sum(1), (x * y).sum(1), (y * y).sum(1)
     expected = (E - G + 2j * F) / (E + G + 2 * np.sqrt(E * G - F**2))
     np.testing.assert_allclose(beltrami_coefficient(z, faces, points), expected, atol=1e-12)
@@ -234,9 +218,7 @@ def test_composition_stays_below_one_and_undoes_itself(mu_f, mu_g, angle):
 
 def test_moebius_after_the_map_leaves_the_coefficient():
     z = DISK[0][abs(DISK[0]) > 0.05]
-    np.testing.assert_allclose(
-        after(moebius(0.6 - 0.2j, 0.7), SLIDING).mu(z), SLIDING.mu(z), atol=1e-13
-    )
+    np.testing.assert_allclose(after(moebius(0.6 - 0.2j, 0.7), SLIDING).mu(z), SLIDING.mu(z), atol=1e-13)
 
 
 # The matrix.
@@ -246,12 +228,8 @@ def test_moebius_after_the_map_leaves_the_coefficient():
 @given(below_one, st.complex_numbers(max_magnitude=10))
 def test_diffusion_is_the_papers_matrix_with_determinant_one(mu, gradient):
     x, y = mu.real, mu.imag
-    matrix = np.array([[(x - 1) ** 2 + y**2, -2 * y], [-2 * y, (x + 1) ** 2 + y**2]]) / (
-        1 - x * x - y * y
-    )
-    columns = np.array(
-        [[diffuse(mu, 1).real, diffuse(mu, 1j).real], [diffuse(mu, 1).imag, diffuse(mu, 1j).imag]]
-    )
+    matrix = np.array([[(x - 1) ** 2 + y**2, -2 * y], [-2 * y, (x + 1) ** 2 + y**2]]) / (1 - x * x - y * y)
+    columns = np.array([[diffuse(mu, 1).real, diffuse(mu, 1j).real], [diffuse(mu, 1).imag, diffuse(mu, 1j).imag]])
     np.testing.assert_allclose(columns, matrix, rtol=1e-11, atol=1e-11)
     assert np.linalg.det(columns) == pytest.approx(1, rel=1e-9)
     assert np.linalg.eigvalsh(columns).min() > 0
@@ -291,9 +269,7 @@ def test_cotangent_stiffness_equals_libigl():
 def test_cotangent_stiffness_equals_the_matrix_of_any_embedding():
     z, faces = DISK
     points = np.stack([z.real, z.imag, np.sin(3 * z.real) * z.imag], 1)
-    difference = cotangent_stiffness(points, faces) - stiffness(
-        z, faces, beltrami_coefficient(z, faces, points)
-    )
+    difference = cotangent_stiffness(points, faces) - stiffness(z, faces, beltrami_coefficient(z, faces, points))
     assert abs(difference).max() < 1e-12
 
 

@@ -4,12 +4,12 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from exactmaps import DISK_MAPS, SLIDING
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+
+from exactmaps import DISK_MAPS, SLIDING
 from meshes import boundary_loop, random_disk, strip
 from operations import lines_run
-
 from qclearn.plane.beltrami import BeltramiDiskSolver, signed_areas, stiffness
 from qclearn.plane.bijectivity import check_bijective, check_embedding, mean_value_matrix, repair
 from qclearn.plane.checks import BeltramiError
@@ -49,11 +49,7 @@ def test_flipped_faces_are_named():
 def test_reflection_flips_every_face():
     z, faces = DISK
     certificate = check_bijective(z, faces, z.conj())
-    assert (
-        len(certificate.flipped) == len(faces)
-        and not certificate.boundary
-        and not certificate.bijective
-    )
+    assert len(certificate.flipped) == len(faces) and not certificate.boundary and not certificate.bijective
 
 
 def test_boundary_wound_twice_is_found_though_every_triangle_is_positive():
@@ -75,9 +71,7 @@ def test_boundary_that_crosses_itself_is_found_though_every_triangle_is_positive
 def test_image_need_not_be_convex():
     w, faces = strip()
     assert check_bijective(w, faces, bent(w, 0.95)).bijective
-    assert check_bijective(
-        w, faces, bent(w, 1.4) * (1 - 0.7 * w.real)
-    ).bijective  # a spiral without overlap
+    assert check_bijective(w, faces, bent(w, 1.4) * (1 - 0.7 * w.real)).bijective  # a spiral without overlap
 
 
 def test_boundary_that_touches_itself_is_found():
@@ -139,9 +133,7 @@ def test_embedding_needs_a_disk():
 
 
 def exact_double_area(a, b, c):
-    (ax, ay), (bx, by), (cx, cy) = (
-        (Fraction(float(p.real)), Fraction(float(p.imag))) for p in (a, b, c)
-    )
+    (ax, ay), (bx, by), (cx, cy) = ((Fraction(float(p.real)), Fraction(float(p.imag))) for p in (a, b, c))
     return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
 
 
@@ -183,11 +175,7 @@ def stars(count, seed, scales=(-160.0, -9.0, 0.0, 9.0, 150.0)):
     )
     side, share = rng.integers(0, 4, count), rng.uniform(0.05, 0.95, count)
     a, b = (np.take_along_axis(rim, ((side + k) % 4)[:, None], 1)[:, 0] for k in (0, 1))
-    inner = (
-        a
-        + share * (b - a)
-        + 1j * (b - a) * rng.integers(-3, 4, count) * 2.0 ** -rng.integers(51, 56, count)
-    )
+    inner = a + share * (b - a) + 1j * (b - a) * rng.integers(-3, 4, count) * 2.0 ** -rng.integers(51, 56, count)
     return np.column_stack([rim, inner]) * 10.0 ** rng.choice(scales, count)[:, None]
 
 
@@ -212,9 +200,7 @@ def test_stars_at_the_edge_of_rounding_are_judged_as_in_rational_numbers():
 
 def test_single_precision_is_judged_as_the_doubles_that_it_holds():
     many = stars(200, 4, [-3.0, 0.0]).astype(np.complex64)
-    assert [check_embedding(STAR, star).bijective for star in many] == [
-        sound(star) for star in many
-    ]
+    assert [check_embedding(STAR, star).bijective for star in many] == [sound(star) for star in many]
 
 
 @pytest.mark.parametrize("kind", [np.int8, np.uint8, np.int16, np.uint16, np.int32, np.uint64])
@@ -234,9 +220,7 @@ def test_doubles_become_integers_exactly(values):
         assert Fraction(values[one]) * int(number) == Fraction(value) * int(whole[one])
 
 
-coordinates = st.floats(-1, 1, allow_subnormal=True) | st.sampled_from(
-    [0.0, 1.0, 1 + 2**-52, 2**-53, 1e-300, -1e150]
-)
+coordinates = st.floats(-1, 1, allow_subnormal=True) | st.sampled_from([0.0, 1.0, 1 + 2**-52, 2**-53, 1e-300, -1e150])
 
 
 @given(st.tuples(*[st.tuples(coordinates, coordinates)] * 3))
@@ -258,8 +242,7 @@ def test_a_whole_mesh_in_doubt_costs_little_a_vertex():
 
 
 @pytest.mark.parametrize(
-    "scale, shift, height",
-    [(1, 0, 1e-13), (1e-8, 0, 1e-13), (1e8, 0, 1e-13), (1e-6, 0.7 - 0.2j, 1e-8)],
+    "scale, shift, height", [(1, 0, 1e-13), (1e-8, 0, 1e-13), (1e8, 0, 1e-13), (1e-6, 0.7 - 0.2j, 1e-8)]
 )
 def test_thin_triangles_beyond_doubt_are_not_flipped(scale, shift, height):
     """Wherever a triangle lies, as long as its coordinates resolve its height (in parts of its
@@ -304,10 +287,7 @@ def test_mean_value_rows_of_slivers_stay_positive(height):
 def test_edge_lengths_lie_opposite_their_corners():
     z, faces = np.array([0, 3, 4j]), np.array([[0, 1, 2], [2, 0, 1]])
     assert edge_lengths(z[faces]).tolist() == [[5, 4, 3], [3, 5, 4]]
-    assert edge_lengths(np.stack([z.real, z.imag, 0 * z.real], 1)[faces]).tolist() == [
-        [5, 4, 3],
-        [3, 5, 4],
-    ]
+    assert edge_lengths(np.stack([z.real, z.imag, 0 * z.real], 1)[faces]).tolist() == [[5, 4, 3], [3, 5, 4]]
 
 
 # The repair.
@@ -318,11 +298,7 @@ def folding_problem(seed):
     edge lengths)."""
     z, faces = DISK
     rng = np.random.default_rng(seed)
-    mu = (
-        0.93
-        * np.sqrt(rng.uniform(size=len(faces)))
-        * np.exp(2j * np.pi * rng.uniform(size=len(faces)))
-    )
+    mu = 0.93 * np.sqrt(rng.uniform(size=len(faces))) * np.exp(2j * np.pi * rng.uniform(size=len(faces)))
     f = BeltramiDiskSolver(z, faces).solve(mu)
     edges = np.roll(z[faces], -1, axis=1) - np.roll(z[faces], -2, axis=1)
     return z, faces, mu, f, abs(edges + mu[:, None] * edges.conj())

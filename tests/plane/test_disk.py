@@ -4,9 +4,9 @@ import pickle
 
 import numpy as np
 import pytest
+
 from exactmaps import SLIDING
 from meshes import boundary_loop, random_disk
-
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import OF_FACES, Disk
 from qclearn.plane.grids import polar_disk
@@ -24,24 +24,11 @@ def test_the_arrays_cannot_be_changed_and_the_callers_can():
     mine = Disk(z, faces)
     z[0], faces[0] = 9, 0
     assert mine.z[0] == 0 and mine.faces[0].tolist() == [0, 1, 2]
-    view = mine.z[
-        :
-    ]  # read-only arrays of somebody who may write to what they are a view of are copied
+    view = mine.z[:]  # read-only arrays of somebody who may write to what they are a view of are copied
     assert Disk(mine.z, mine.faces).z is mine.z and Disk(view, mine.faces).z is not view
 
 
-FOUND = [
-    "areas",
-    "gradients",
-    "centroids",
-    "loop",
-    "across",
-    "lookup",
-    "laplace",
-    "mass",
-    "to_vertices",
-    "to_faces",
-]
+FOUND = ["areas", "gradients", "centroids", "loop", "across", "lookup", "laplace", "mass", "to_vertices", "to_faces"]
 
 
 @pytest.mark.parametrize("name", [*FOUND, "open_halfedges", "flipped", "reversed", "certificate"])

@@ -34,9 +34,7 @@ def test_all_frequencies_give_the_image_back(image):
 
 
 def test_parseval(image):
-    assert (abs(fourier_coefficients(image, 8)) ** 2).sum() == pytest.approx(
-        (abs(image) ** 2).mean(), rel=1e-12
-    )
+    assert (abs(fourier_coefficients(image, 8)) ** 2).sum() == pytest.approx((abs(image) ** 2).mean(), rel=1e-12)
 
 
 def test_matrix_products_are_the_truncated_transform(image):
@@ -46,10 +44,7 @@ def test_matrix_products_are_the_truncated_transform(image):
     n = len(image)
     p, q = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
     term = (image * np.exp(-2j * np.pi * (p * 2 - q) / n)).sum() / n**2
-    row, column = (
-        np.flatnonzero(frequencies(n, 3) == 2)[0],
-        np.flatnonzero(frequencies(n, 3) == -1)[0],
-    )
+    row, column = (np.flatnonzero(frequencies(n, 3) == 2)[0], np.flatnonzero(frequencies(n, 3) == -1)[0])
     assert fourier_coefficients(image, 3)[row, column] == pytest.approx(term)
 
 
@@ -64,9 +59,7 @@ def test_band_limited_field_is_kept():
     np.testing.assert_allclose(compress(field, 3), field, atol=1e-14)
     lost = compress(field, 2)  # only the cosine goes
     np.testing.assert_allclose(lost, field - 0.3 * np.cos(2 * np.pi * (3 * p + q) / n), atol=1e-14)
-    np.testing.assert_allclose(
-        from_coefficients(fourier_coefficients(field, 3), n), field, atol=1e-14
-    )
+    np.testing.assert_allclose(from_coefficients(fourier_coefficients(field, 3), n), field, atol=1e-14)
 
 
 def test_error_falls_with_each_frequency(image):
@@ -80,9 +73,7 @@ def test_to_the_square_and_back(disk):
     mu = 0.4 * disk.centroids.real - 0.3j * disk.centroids.imag
     image = to_square(disk, mu, 64)
     w = pixel_centres(64)
-    shrink = np.maximum(abs(w.real), abs(w.imag)) / abs(
-        w
-    )  # the inverse of the paper's disk-to-square formula
+    shrink = np.maximum(abs(w.real), abs(w.imag)) / abs(w)  # the inverse of the paper's disk-to-square formula
     np.testing.assert_allclose(image, 0.4 * (w * shrink).real - 0.3j * (w * shrink).imag, atol=0.02)
     np.testing.assert_allclose(from_square(image, disk), mu, atol=0.02)
     constant = from_square(to_square(disk, np.full(len(mu), 0.2 - 0.1j), 16), disk)

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from meshes import boundary_loop, random_disk
 
+from meshes import boundary_loop, random_disk
 from qclearn.plane.beltrami import signed_areas
 from qclearn.plane.grids import (
     COARSE,
@@ -51,12 +51,8 @@ def test_polar_disk_is_numbered_ring_by_ring():
     nr, nt, power = 5, 12, 1.4
     z, faces = polar_disk(nr, nt, power)
     rings = z[1:].reshape(nr, nt)
-    np.testing.assert_allclose(
-        abs(rings), np.repeat(((np.arange(nr) + 1) / nr) ** power, nt).reshape(nr, nt)
-    )
-    np.testing.assert_allclose(
-        np.exp(1j * np.angle(rings)), np.tile(np.exp(2j * np.pi * np.arange(nt) / nt), (nr, 1))
-    )
+    np.testing.assert_allclose(abs(rings), np.repeat(((np.arange(nr) + 1) / nr) ** power, nt).reshape(nr, nt))
+    np.testing.assert_allclose(np.exp(1j * np.angle(rings)), np.tile(np.exp(2j * np.pi * np.arange(nt) / nt), (nr, 1)))
     assert z[0] == 0 and z[1 + (nr - 1) * nt] == 1
     assert len(faces) == nt * (2 * nr - 1)
 
@@ -64,9 +60,7 @@ def test_polar_disk_is_numbered_ring_by_ring():
 def test_polar_disk_is_invariant_under_one_step():
     nr, nt = 4, 9
     z, faces = polar_disk(nr, nt)
-    turned = np.concatenate(
-        [[0], 1 + (np.arange(nr)[:, None] * nt + (np.arange(nt) + 1) % nt).ravel()]
-    )
+    turned = np.concatenate([[0], 1 + (np.arange(nr)[:, None] * nt + (np.arange(nt) + 1) % nt).ravel()])
     np.testing.assert_allclose(z[turned], z * np.exp(2j * np.pi / nt), atol=1e-15)
     assert {frozenset(f) for f in turned[faces].tolist()} == {frozenset(f) for f in faces.tolist()}
 
@@ -100,6 +94,4 @@ def test_joined_points_are_counter_clockwise():
     z, faces = random_disk(seed=3)
     mesh = joined(z)
     assert (mesh.z == z).all() and (mesh.areas > 0).all()
-    assert {frozenset(face) for face in mesh.faces.tolist()} == {
-        frozenset(face) for face in faces.tolist()
-    }
+    assert {frozenset(face) for face in mesh.faces.tolist()} == {frozenset(face) for face in faces.tolist()}

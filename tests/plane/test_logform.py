@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+
 from exactmaps import DISK_MAPS, after, moebius, sliding, twist
 from meshes import boundary_loop, random_disk, random_mu
-
 from qclearn.plane.beltrami import mean_reciprocal, solve_beltrami_disk, solve_beltrami_disk_log
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import Disk
@@ -23,9 +23,7 @@ MEASURED = {  # largest error over the vertices: square grid 32 and 64, polar 32
 def test_error_and_rate_against_closed_forms(exact):
     errors = []
     for z, faces in (square_disk(32), square_disk(64), polar_disk(32, 96), polar_disk(64, 192)):
-        errors.append(
-            abs(solve_beltrami_disk_log(z, faces, exact.on_faces(Disk(z, faces))) - exact(z)).max()
-        )
+        errors.append(abs(solve_beltrami_disk_log(z, faces, exact.on_faces(Disk(z, faces))) - exact(z)).max())
     assert (np.array(errors) <= 1.05 * np.array(MEASURED[exact.name])).all(), errors
     assert min(np.log2(errors[0] / errors[1]), np.log2(errors[2] / errors[3])) >= 1.5, errors
 
@@ -82,10 +80,7 @@ def test_error_with_the_pole_anywhere():
     z, faces = polar_disk(32, 96)
     z = mobius(z, 0.2 - 0.1j, 0.5)
     assert abs(exact.mu(np.array([1e-6 + 0j]))[0]) > 0.05
-    assert (
-        abs(solve_beltrami_disk_log(z, faces, exact.on_faces(Disk(z, faces))) - exact(z)).max()
-        < 2.5e-3
-    )
+    assert abs(solve_beltrami_disk_log(z, faces, exact.on_faces(Disk(z, faces))) - exact(z)).max() < 2.5e-3
 
 
 def test_mean_reciprocal_against_subdivision():

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from meshes import boundary_loop, random_disk
 
+from meshes import boundary_loop, random_disk
 from qclearn.plane.beltrami import locate
 from qclearn.plane.disk import INSET, Disk
 from qclearn.plane.grids import polar_disk
@@ -68,9 +68,7 @@ def test_locate_in_a_moved_mesh():
     moved = mobius(z, 0.5 + 0.2j, 0.4)
     face, barycentric = locate(moved, faces, [0j, 1.0, -1.0, 0.999j])
     found = (barycentric * moved[faces[face]]).sum(1)
-    np.testing.assert_allclose(
-        found, [0, found[1].real, found[2].real, 1j * found[3].imag], atol=1e-14
-    )
+    np.testing.assert_allclose(found, [0, found[1].real, found[2].real, 1j * found[3].imag], atol=1e-14)
     assert (abs(found[1:]) > 0.95).all()
 
 
@@ -90,9 +88,7 @@ def test_a_lookup_finds_the_same_faces_from_a_guess(shift):
 def test_a_single_question_is_answered_as_many_are(mesh, reach):
     """Whether faces from all over the mesh come near the points, or few of them."""
     disk, rng = Disk(*mesh), np.random.default_rng(1)
-    points = 0.1 + reach * np.sqrt(rng.uniform(size=100)) * np.exp(
-        2j * np.pi * rng.uniform(size=100)
-    )
+    points = 0.1 + reach * np.sqrt(rng.uniform(size=100)) * np.exp(2j * np.pi * rng.uniform(size=100))
     for found, expected in zip(disk.lookup.once(points), disk.lookup(points)):
         np.testing.assert_allclose(found, expected, atol=1e-12)
 
@@ -100,7 +96,5 @@ def test_a_single_question_is_answered_as_many_are(mesh, reach):
 def test_places_in_a_face_turned_over_have_weights_too():
     z, faces = polar_disk(6, 18)
     face, weights = locate(z, faces[:, ::-1], [0.3 + 0.1j, -0.55j])
-    np.testing.assert_allclose(
-        (z[faces[:, ::-1][face]] * weights).sum(1), [0.3 + 0.1j, -0.55j], atol=1e-15
-    )
+    np.testing.assert_allclose((z[faces[:, ::-1][face]] * weights).sum(1), [0.3 + 0.1j, -0.55j], atol=1e-15)
     assert weights.min() >= 0

@@ -2,19 +2,12 @@
 
 import numpy as np
 import pytest
-from exactmaps import moebius
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from meshes import random_disk
 
-from qclearn.plane.mobius import (
-    best_mobius,
-    centring_mobius,
-    compose_mobius,
-    mobius,
-    mobius_inverse,
-    nearest_mobius,
-)
+from exactmaps import moebius
+from meshes import random_disk
+from qclearn.plane.mobius import best_mobius, centring_mobius, compose_mobius, mobius, mobius_inverse, nearest_mobius
 
 in_disk = st.builds(lambda r, t: r * np.exp(1j * t), st.floats(0, 0.9), st.floats(0, 2 * np.pi))
 angles = st.floats(-np.pi, np.pi)
@@ -26,9 +19,7 @@ POINTS = random_disk(seed=2)[0]
 def test_moves_a_to_zero_keeps_the_circle_and_has_an_inverse(a, theta):
     assert abs(mobius(a, a, theta)) < 1e-15
     np.testing.assert_allclose(abs(mobius(np.exp(1j * np.arange(7)), a, theta)), 1, rtol=1e-13)
-    np.testing.assert_allclose(
-        mobius_inverse(mobius(POINTS, a, theta), a, theta), POINTS, atol=1e-12
-    )
+    np.testing.assert_allclose(mobius_inverse(mobius(POINTS, a, theta), a, theta), POINTS, atol=1e-12)
     np.testing.assert_allclose(mobius(POINTS, a, theta), moebius(a, theta)(POINTS), atol=1e-13)
 
 
@@ -81,9 +72,7 @@ def test_centring_brings_the_weighted_centroid_to_zero(spread):
 
 def test_centring_of_two_far_clusters():
     """Where nearly all weight lies at both ends of a diameter, as in the map of a long strip."""
-    points = mobius_inverse(
-        np.concatenate([0.02 * POINTS, mobius_inverse(0.02 * POINTS, -0.9999)]), 0.999
-    )
+    points = mobius_inverse(np.concatenate([0.02 * POINTS, mobius_inverse(0.02 * POINTS, -0.9999)]), 0.999)
     a = centring_mobius(points, np.ones(len(points)))
     assert abs(mobius(points, a).mean()) < 1e-13
 
@@ -93,17 +82,9 @@ def test_misfits_of_many_point_sets_are_those_of_their_best_maps():
     and with targets that have nothing to do with them."""
     rng = np.random.default_rng(5)
     p = 0.6 * np.sqrt(rng.uniform(size=(12, 9))) * np.exp(2j * np.pi * rng.uniform(size=(12, 9)))
-    q = np.concatenate(
-        [
-            mobius(p[:4], 0.7 - 0.2j, 3.0) + 0.05 * rng.normal(size=(4, 9)),
-            p[4:8],
-            p[8:, ::-1].conj(),
-        ]
-    )
+    q = np.concatenate([mobius(p[:4], 0.7 - 0.2j, 3.0) + 0.05 * rng.normal(size=(4, 9)), p[4:8], p[8:, ::-1].conj()])
     expected = [abs(mobius(a, *best_mobius(a, b)) - b) for a, b in zip(p, q)]
     _, found = nearest_mobius(p, q)
     np.testing.assert_allclose(found[:8], expected[:8], atol=1e-4)
-    np.testing.assert_allclose(
-        (found**2).mean(1), np.mean(np.square(expected), axis=1), rtol=1e-4, atol=1e-12
-    )
+    np.testing.assert_allclose((found**2).mean(1), np.mean(np.square(expected), axis=1), rtol=1e-4, atol=1e-12)
     assert found[4:8].max() < 1e-12 and np.mean(expected[8:], axis=1).min() > 0.2

@@ -4,16 +4,11 @@ symmetries."""
 import numpy as np
 import pytest
 import torch
-from exactmaps import DISK_MAPS, SLIDING, SLIDING_THREE, TWIST, after, moebius
-from meshes import boundary_loop, random_disk, random_mu
 from scipy import sparse
 
-from qclearn.plane.beltrami import (
-    BeltramiDiskSolver,
-    beltrami_coefficient,
-    signed_areas,
-    solve_beltrami_disk,
-)
+from exactmaps import DISK_MAPS, SLIDING, SLIDING_THREE, TWIST, after, moebius
+from meshes import boundary_loop, random_disk, random_mu
+from qclearn.plane.beltrami import BeltramiDiskSolver, beltrami_coefficient, signed_areas, solve_beltrami_disk
 from qclearn.plane.bijectivity import RepairWarning, check_bijective
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import Disk
@@ -72,9 +67,7 @@ def test_rate_on_meshes_without_structure(exact):
     errors = []
     for n in (32, 256):
         z, faces = random_disk(seed=6, n_boundary=n)
-        errors.append(
-            abs(solve_beltrami_disk(z, faces, exact.on_faces(Disk(z, faces))) - exact(z)).max()
-        )
+        errors.append(abs(solve_beltrami_disk(z, faces, exact.on_faces(Disk(z, faces))) - exact(z)).max())
     assert errors[1] < 6e-4 and np.log2(errors[0] / errors[1]) / 3 > 1.6, errors
 
 
@@ -101,9 +94,7 @@ def test_ears_do_not_cost_the_rate(exact):
     for n in (32, 64):
         z, faces = square_with_ears(n)
         assert np.isin(faces, boundary_loop(faces)).all(1).sum() == 4
-        errors.append(
-            abs(solve_beltrami_disk(z, faces, exact.on_faces(Disk(z, faces))) - exact(z)).max()
-        )
+        errors.append(abs(solve_beltrami_disk(z, faces, exact.on_faces(Disk(z, faces))) - exact(z)).max())
     least = 1.4 if exact.name == "radial stretch" else 1.7
     assert errors[1] < 6e-4 and np.log2(errors[0] / errors[1]) >= least, errors
 
@@ -118,9 +109,7 @@ def test_rate_with_a_coefficient_seen_through_a_mobius_map():
     errors = []
     for n in (16, 32):
         z, faces = polar_disk(n, 3 * n)
-        errors.append(
-            abs(solve_beltrami_disk(z, faces, exact.on_faces(Disk(z, faces))) - exact(z)).max()
-        )
+        errors.append(abs(solve_beltrami_disk(z, faces, exact.on_faces(Disk(z, faces))) - exact(z)).max())
     assert errors[1] < 3.5e-3 and np.log2(errors[0] / errors[1]) >= 1.7, errors
 
 
@@ -130,10 +119,7 @@ def test_measured_coefficient_is_the_one_that_went_in():
     mu = random_mu(np.random.default_rng(0), z, faces, 0.5)
     f = solve_beltrami_disk(z, faces, mu)
     assert check_bijective(z, faces, f).bijective
-    assert (
-        np.average(abs(beltrami_coefficient(z, faces, f) - mu), weights=signed_areas(z, faces))
-        < 0.015
-    )
+    assert np.average(abs(beltrami_coefficient(z, faces, f) - mu), weights=signed_areas(z, faces)) < 0.015
 
 
 # Normalisation.
@@ -188,9 +174,7 @@ def test_no_coefficient_gives_the_identity(mesh):
 
 def test_identity_is_exact_on_the_boundary_of_a_polar_mesh():
     z, faces = polar_disk(6, 18)
-    np.testing.assert_allclose(
-        solve_beltrami_disk(z, faces, np.zeros(len(faces)))[-18:], z[-18:], atol=1e-13
-    )
+    np.testing.assert_allclose(solve_beltrami_disk(z, faces, np.zeros(len(faces)))[-18:], z[-18:], atol=1e-13)
 
 
 # Symmetries.
@@ -230,9 +214,7 @@ def test_fluxes_sum_to_a_turn_and_the_boundary_only_goes_forwards(mesh):
     solver = BeltramiDiskSolver(z, faces)
     solver.solve(random_mu(np.random.default_rng(4), z, faces, 0.4))
     free = solver.free_boundary
-    assert (free.dirichlet.coupling.T @ free.U[free.dirichlet.free]).sum() == pytest.approx(
-        2 * np.pi, rel=1e-12
-    )
+    assert (free.dirichlet.coupling.T @ free.U[free.dirichlet.free]).sum() == pytest.approx(2 * np.pi, rel=1e-12)
     assert solver.floored == 0 and (free.steps > 0).all()
     assert free.steps.sum() == pytest.approx(2 * np.pi, rel=1e-12)
 
@@ -242,13 +224,7 @@ def backward_problem():
     negative."""
     z, faces = MESHES["random"]
     rng = np.random.default_rng(5)
-    return (
-        z,
-        faces,
-        0.9
-        * np.sqrt(rng.uniform(size=len(faces)))
-        * np.exp(2j * np.pi * rng.uniform(size=len(faces))),
-    )
+    return (z, faces, 0.9 * np.sqrt(rng.uniform(size=len(faces))) * np.exp(2j * np.pi * rng.uniform(size=len(faces))))
 
 
 def test_backward_steps_are_raised_and_reported():
@@ -271,9 +247,7 @@ def test_boundary_goes_forwards_even_where_0_leaves_the_disk():
     solver = BeltramiDiskSolver(z, faces)
     f = solver.solve(0.99 * np.exp(2j * np.pi * rng.uniform(size=len(faces))))
     assert abs(value_at(z, faces, f, 0j)) > 1
-    steps = np.angle(np.roll(f[solver.loop], -1) / f[solver.loop]) % (
-        2 * np.pi
-    )  # one is more than half a turn
+    steps = np.angle(np.roll(f[solver.loop], -1) / f[solver.loop]) % (2 * np.pi)  # one is more than half a turn
     assert steps.sum() == pytest.approx(2 * np.pi)
     assert not check_bijective(z, faces, f).bijective
 
@@ -283,9 +257,7 @@ def test_boundary_goes_forwards_even_where_0_leaves_the_disk():
 
 def directional(solver, mu, grad_f, change, step=1e-5):
     """Central difference of Re sum conj(grad_f) f(mu) in the direction `change`, of fourth order."""
-    values = [
-        (np.conj(grad_f) * solver.solve(mu + k * step * change)).real.sum() for k in (-2, -1, 1, 2)
-    ]
+    values = [(np.conj(grad_f) * solver.solve(mu + k * step * change)).real.sum() for k in (-2, -1, 1, 2)]
     return (values[0] - 8 * values[1] + 8 * values[2] - values[3]) / (12 * step)
 
 
@@ -354,9 +326,7 @@ def assert_tangent(solver, mu, change, step=1e-5):
     np.testing.assert_allclose(df, expected, atol=1e-7 * abs(expected).max())
     grad_f = random_complex(np.random.default_rng(3), len(df))
     there, back = np.vdot(grad_f, df).real, np.vdot(solver.pullback(grad_f), change).real
-    assert there == pytest.approx(
-        back, rel=1e-12, abs=1e-12 * np.linalg.norm(grad_f) * np.linalg.norm(df)
-    )
+    assert there == pytest.approx(back, rel=1e-12, abs=1e-12 * np.linalg.norm(grad_f) * np.linalg.norm(df))
 
 
 @pytest.mark.parametrize("largest", [0.0, 0.6])
@@ -369,9 +339,7 @@ def test_pushforward_equals_finite_differences_and_is_the_transpose_of_pullback(
 
 def test_pushforward_with_raised_steps():
     z, faces, mu = backward_problem()
-    assert_tangent(
-        BeltramiDiskSolver(z, faces), mu, random_complex(np.random.default_rng(1), len(faces)), 1e-6
-    )
+    assert_tangent(BeltramiDiskSolver(z, faces), mu, random_complex(np.random.default_rng(1), len(faces)), 1e-6)
 
 
 def test_pushforward_of_many_changes_keeps_zero_one_and_the_circle():
@@ -381,9 +349,7 @@ def test_pushforward_of_many_changes_keeps_zero_one_and_the_circle():
     f = solver.solve(random_mu(rng, z, faces, 0.5))
     changes = random_complex(rng, (3, len(faces)))
     many = solver.pushforward(changes)
-    np.testing.assert_allclose(
-        many, [solver.pushforward(change) for change in changes], rtol=1e-10, atol=1e-13
-    )
+    np.testing.assert_allclose(many, [solver.pushforward(change) for change in changes], rtol=1e-10, atol=1e-13)
     assert abs(many[:, z == 0]).max() < 1e-12 and abs(many[:, z == 1]).max() < 1e-12
     assert abs((many * f.conj())[:, -18:].real).max() < 1e-12
 
@@ -405,9 +371,7 @@ class DiskMap(torch.autograd.Function):
 def test_gradcheck(name):
     z, faces = polar_disk(3, 7) if name == "polar" else moved_disk(3, 8, 0.2 + 0.1j)
     mu = torch.from_numpy(random_mu(np.random.default_rng(0), z, faces, 0.5)).requires_grad_()
-    assert torch.autograd.gradcheck(
-        lambda mu: DiskMap.apply(mu, z, faces), (mu,), eps=1e-6, atol=1e-8, rtol=1e-6
-    )
+    assert torch.autograd.gradcheck(lambda mu: DiskMap.apply(mu, z, faces), (mu,), eps=1e-6, atol=1e-8, rtol=1e-6)
 
 
 # Bad input.
@@ -431,9 +395,7 @@ def test_one_coefficient_a_face():
 def test_boundary_off_the_circle():
     z, faces = polar_disk(4, 12)
     z[-3] *= 0.99
-    with pytest.raises(
-        SurfaceError, match=f"boundary vertex {len(z) - 3} is 1.0e-02 off the unit circle"
-    ):
+    with pytest.raises(SurfaceError, match=f"boundary vertex {len(z) - 3} is 1.0e-02 off the unit circle"):
         BeltramiDiskSolver(z, faces)
 
 
@@ -460,10 +422,7 @@ def test_a_vertex_in_no_face():
 
 
 def test_mesh_that_does_not_cover_zero():
-    z, faces = (
-        np.append(np.exp([-0.6j, 0.5j, 1.8j]), 0.7 + 0.2j),
-        np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3]]),
-    )
+    z, faces = (np.append(np.exp([-0.6j, 0.5j, 1.8j]), 0.7 + 0.2j), np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3]]))
     with pytest.raises(SurfaceError, match="does not cover 0: boundary vertex 2"):
         solve_beltrami_disk(z, faces, np.zeros(len(faces)))
 

@@ -3,8 +3,8 @@ nodes by their size."""
 
 import numpy as np
 import pytest
-from meshes import random_disk
 
+from meshes import random_disk
 from qclearn.plane.coefficients import bounded, bounded_pullback
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar, polar_disk, square_disk
@@ -89,9 +89,7 @@ def test_points_that_share_a_triangle_are_told_apart():
 def test_hats_on_parts_of_triangles_are_their_means():
     z, faces = polar_disk(3, 9)
     inside = hats_inside(faces, len(z)) @ z
-    np.testing.assert_allclose(
-        inside.reshape(len(faces), FINER**2).mean(1), z[faces].mean(1), atol=1e-14
-    )
+    np.testing.assert_allclose(inside.reshape(len(faces), FINER**2).mean(1), z[faces].mean(1), atol=1e-14)
     squares = (abs(inside) ** 2).reshape(len(faces), -1).mean(1)
     exact = (abs(z[faces]) ** 2).sum(1) / 12 + 9 * abs(z[faces].mean(1)) ** 2 / 12
     np.testing.assert_allclose(squares, exact, atol=0.02)

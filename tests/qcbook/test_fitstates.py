@@ -5,8 +5,8 @@ import re
 
 import numpy as np
 import pytest
-from meshes import bowl
 
+from meshes import bowl
 from qcbook.examples import Example, cortex_problem, example_problems, spread_vertices
 from qcbook.fitstates import describe, exact_fit, fit_state, network_fit, sentences, states_figure
 from qclearn.plane.disk import Disk
@@ -35,9 +35,7 @@ def state(example):
 def folded(example):
     """The same with waves on both sides, which the twist takes to each other."""
     disk, z = example.problem.disk, example.problem.disk.z
-    flat = ParameterizedSurface(
-        Surface(np.stack([z.real, z.imag, 0 * z.real], axis=1), disk.faces), disk
-    )
+    flat = ParameterizedSurface(Surface(np.stack([z.real, z.imag, 0 * z.real], axis=1), disk.faces), disk)
     twisted = z * np.exp(0.6j * (1 - abs(z) ** 2))
     waves = Feature("waves", *(np.cos(7 * w.real) + np.sin(6 * w.imag) for w in (twisted, z)))
     return dataclasses.replace(example, name="folded", features=featured(flat, flat, [waves])[2])
@@ -51,9 +49,7 @@ def test_gamma_buys_landmarks_with_distortion(example):
 
 def test_delta_brings_folds_together(folded):
     alone, folds = (fit_state(folded, (1.0, 1e-2, 1e2, delta)) for delta in (1e-6, 1.0))
-    before, after = (
-        2 * (1 - folded.features.correlation(one.fit.f, FINEST)[0]) for one in (alone, folds)
-    )
+    before, after = (2 * (1 - folded.features.correlation(one.fit.f, FINEST)[0]) for one in (alone, folds))
     assert after < 0.5 * before
     value, weight, product = folds.terms["L_features"]
     assert value == pytest.approx(after, rel=0.2) and weight == 1.0 and product == value
@@ -68,19 +64,12 @@ def test_folds_where_there_are_none_become_a_message(example):
 
 def test_alpha_and_beta_press_on_their_own_terms(example):
     reference = fit_state(example, (1.0, 1e-2, 1e2))
-    assert (
-        fit_state(example, (100.0, 1e-2, 1e2)).terms["L_mu"][0] < 0.6 * reference.terms["L_mu"][0]
-    )
-    assert (
-        fit_state(example, (1.0, 1.0, 1e2)).terms["L_grad_mu"][0]
-        < 0.6 * reference.terms["L_grad_mu"][0]
-    )
+    assert fit_state(example, (100.0, 1e-2, 1e2)).terms["L_mu"][0] < 0.6 * reference.terms["L_mu"][0]
+    assert fit_state(example, (1.0, 1.0, 1e2)).terms["L_grad_mu"][0] < 0.6 * reference.terms["L_grad_mu"][0]
 
 
 def test_terms_are_value_weight_and_product(state):
-    for (value, weight, product), expected in zip(
-        state.terms.values(), (1.0, 1e-2, 1e4), strict=True
-    ):
+    for (value, weight, product), expected in zip(state.terms.values(), (1.0, 1e-2, 1e4), strict=True):
         assert weight == expected
         assert product == pytest.approx(value * weight)
     assert sum(row[2] for row in state.terms.values()) == pytest.approx(state.loss)
@@ -91,15 +80,11 @@ def test_terms_are_measured_on_the_map_and_not_on_what_the_fit_believes():
     and those of a good fit are near what it believes itself."""
     twist = example_problems()[0]
     state = fit_state(twist, (1.0, 1e-2, 1e4))
-    boasting = dataclasses.replace(
-        state.fit, losses=dict.fromkeys(state.fit.losses, 0.0), landmark_error=0.0
-    )
+    boasting = dataclasses.replace(state.fit, losses=dict.fromkeys(state.fit.losses, 0.0), landmark_error=0.0)
     assert fit_state(twist, (1.0, 1e-2, 1e4), solver=lambda *_: boasting).terms == state.terms
     assert state.terms["L_mu"][0] == pytest.approx(state.fit.losses["L_mu"], rel=0.05)
     assert state.terms["L_Landmark"][0] == pytest.approx(state.fit.losses["L_Landmark"], rel=1e-6)
-    assert (
-        0.5 < state.terms["L_grad_mu"][0] / state.fit.losses["L_grad_mu"] < 1
-    )  # averages are smoother
+    assert 0.5 < state.terms["L_grad_mu"][0] / state.fit.losses["L_grad_mu"] < 1  # averages are smoother
 
 
 def test_state_tells_certificate_and_error_in_words(state):
@@ -115,10 +100,7 @@ def test_flipped_triangles_are_reported_and_drawn(example, state):
     assert len(flipped) > 0
     bad = dataclasses.replace(state.fit, f=folded, bijective=False, flipped=flipped)
     answer = fit_state(example, (1.0, 1e-2, 1e4), solver=lambda *_: bad)
-    assert (
-        f"not bijective: {len(flipped)} of {len(example.problem.disk.faces)} triangles"
-        in answer.message
-    )
+    assert f"not bijective: {len(flipped)} of {len(example.problem.disk.faces)} triangles" in answer.message
     ax = states_figure(example, {"exact fit": answer}).axes[0]
     assert sum(patch.get_hatch() is not None for patch in ax.patches) == len(flipped)
 
@@ -139,9 +121,7 @@ def test_no_map_no_picture_of_one(example, state):
     assert len(good.lines) > len(empty.lines)
 
 
-@pytest.mark.parametrize(
-    "weights, word", [((0.0, 1e-2, 1e4), "alpha"), ((1.0, 1e-2, np.nan), "gamma")]
-)
+@pytest.mark.parametrize("weights, word", [((0.0, 1e-2, 1e4), "alpha"), ((1.0, 1e-2, np.nan), "gamma")])
 def test_weights_out_of_range_become_a_message(example, weights, word):
     answer = fit_state(example, weights)
     assert answer.fit is None and word in answer.message
@@ -193,24 +173,15 @@ def test_the_network_fit_is_the_exact_map_of_its_coefficient(example, network):
         fit_state(example, (1.0, 1e-2, np.float64(1e4)), solver=network_fit)
     )
     network.share = 0.0
-    assert (
-        abs(network_fit(example.problem, Weights(1.0, 1e-2, 1e4)).mu).max() < 0.05
-    )  # a Möbius map between vertices
+    assert abs(network_fit(example.problem, Weights(1.0, 1e-2, 1e4)).mu).max() < 0.05  # a Möbius map between vertices
 
 
 def test_the_gap_is_the_ratio_of_the_losses(example, network):
     network.share = 0.5
     solvers = {"exact fit": exact_fit, "CP-Net": network_fit}
-    states = {
-        name: fit_state(example, (1.0, 1e-2, 1e4), solver=solve) for name, solve in solvers.items()
-    }
-    ratio = float(
-        re.search(r"L_CP of CP-Net is (\S+) times that of exact fit", sentences(states))[1]
-    )
-    assert (
-        ratio == pytest.approx(states["CP-Net"].loss / states["exact fit"].loss, rel=1e-2)
-        and ratio > 2
-    )
+    states = {name: fit_state(example, (1.0, 1e-2, 1e4), solver=solve) for name, solve in solvers.items()}
+    ratio = float(re.search(r"L_CP of CP-Net is (\S+) times that of exact fit", sentences(states))[1])
+    assert ratio == pytest.approx(states["CP-Net"].loss / states["exact fit"].loss, rel=1e-2) and ratio > 2
     assert "times" not in sentences({"exact fit": states["exact fit"]})
 
 
@@ -223,20 +194,14 @@ def test_where_the_network_cannot_answer_it_says_why(example, network, monkeypat
 
     assert "it knows no sliding" in fit_state(example, (1.0, 1e-2, 1e4), True, network_fit).message
     monkeypatch.setattr(network, "predict", refuse)
-    assert "No map: 200 landmarks" in describe(
-        fit_state(example, (1.0, 1e-2, 1e4), solver=network_fit)
-    )
+    assert "No map: 200 landmarks" in describe(fit_state(example, (1.0, 1e-2, 1e4), solver=network_fit))
     monkeypatch.setattr("qclearn.nets.load", missing)
-    assert "No map: the networks need torch" in describe(
-        fit_state(example, (1.0, 1e-2, 1e4), solver=network_fit)
-    )
+    assert "No map: the networks need torch" in describe(fit_state(example, (1.0, 1e-2, 1e4), solver=network_fit))
 
 
 def test_the_shipped_network_comes_near_the_fit_on_a_smooth_problem():
     twist = example_problems()[0]
-    passed, fitted = (
-        fit_state(twist, (1.0, 1e-2, 1e3), solver=solver) for solver in (network_fit, exact_fit)
-    )
+    passed, fitted = (fit_state(twist, (1.0, 1e-2, 1e3), solver=solver) for solver in (network_fit, exact_fit))
     assert passed.fit.bijective and passed.loss < 2 * fitted.loss
     assert "answered for gamma" not in passed.message
 
@@ -250,9 +215,7 @@ def test_the_network_is_not_asked_for_weights_out_of_range(example, network, wei
 @pytest.mark.parametrize("example", example_problems(), ids=lambda example: example.name)
 def test_examples_are_certified(example):
     for sliding in (False, True):
-        assert exact_fit(
-            dataclasses.replace(example.problem, sliding=sliding), Weights(1.0, 1e-2, 1e4)
-        ).bijective
+        assert exact_fit(dataclasses.replace(example.problem, sliding=sliding), Weights(1.0, 1e-2, 1e4)).bijective
 
 
 def test_vertices_are_spread_evenly():
@@ -263,9 +226,7 @@ def test_vertices_are_spread_evenly():
     added = distance[chosen[len(surface.boundary[::2]) :]] + np.where(
         distance[chosen[len(surface.boundary[::2]) :]] == 0, 9, 0
     )
-    assert (
-        distance.min(axis=1).max() <= added.min() + 1e-12
-    )  # no vertex is farther off than two chosen ones are apart
+    assert distance.min(axis=1).max() <= added.min() + 1e-12  # no vertex is farther off than two chosen ones are apart
 
 
 def test_cortex_problem_keeps_landmarks_of_the_full_surfaces():
@@ -278,20 +239,12 @@ def test_cortex_problem_keeps_landmarks_of_the_full_surfaces():
     ]
     small = cortex_problem("bowls", moving, control, curves, vertices=150, points=4)
     assert len(small.problem.disk.z) == 150 and small.problem.curve.tolist() == [0] * 4 + [1] * 4
-    on_arc = small.problem.target[
-        4:
-    ]  # the control is a surface of revolution: the arc stays one, equally divided
+    on_arc = small.problem.target[4:]  # the control is a surface of revolution: the arc stays one, equally divided
     np.testing.assert_allclose(abs(on_arc), abs(on_arc[0]), rtol=0.01)
     np.testing.assert_allclose(np.angle(on_arc[1:] / on_arc[:-1]), np.radians(80 / 3), rtol=0.02)
     fit = exact_fit(small.problem, Weights(1.0, 1e-2, 1e4))
-    assert (
-        fit.bijective
-        and fit.landmark_error < 0.1 * abs(small.problem.moving - small.problem.target).mean()
-    )
+    assert fit.bijective and fit.landmark_error < 0.1 * abs(small.problem.moving - small.problem.target).mean()
     polar = cortex_problem("bowls", moving, control, curves, points=4)
     np.testing.assert_array_equal(polar.problem.target, small.problem.target)
     assert polar.problem.disk is example_problems()[0].problem.disk
-    assert [len(side.areas) for side in polar.features.sides] == [
-        len(polar.problem.disk.z),
-        len(control.vertices),
-    ]
+    assert [len(side.areas) for side in polar.features.sides] == [len(polar.problem.disk.z), len(control.vertices)]

@@ -23,8 +23,7 @@ def test_weights_that_differ_by_a_factor_have_one_gap(gaps):
 
 def test_it_is_the_ratio_of_what_the_sliders_show(gaps):
     fitted, passed = (
-        fit_state(example_problems()[0], (1.0, 1.0, 1e4), solver=solver)
-        for solver in (exact_fit, network_fit)
+        fit_state(example_problems()[0], (1.0, 1.0, 1e4), solver=solver) for solver in (exact_fit, network_fit)
     )
     (gap,) = [gap for gap in gaps if gap.weights == (1.0, 1.0, 1e4)]
     assert gap.ratio == pytest.approx(passed.loss / fitted.loss, rel=1e-9) and gap.ratio > 1

@@ -9,14 +9,7 @@ from qcbook.lessons import CPLesson, DBSLesson, lesson
 from qclearn.nets import TrainingError
 from qclearn.registration.problem import Weights
 
-SETTINGS = {
-    "alpha": 1.0,
-    "beta": 0.01,
-    "gamma": 1e3,
-    "equation": "as corrected",
-    "rho": 1e-6,
-    "rate": 3e-3,
-}
+SETTINGS = {"alpha": 1.0, "beta": 0.01, "gamma": 1e3, "equation": "as corrected", "rho": 1e-6, "rate": 3e-3}
 
 
 def steps(lesson, count):

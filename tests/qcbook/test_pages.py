@@ -34,10 +34,7 @@ def test_a_figure_has_twice_the_pixels_of_its_width_and_a_white_ground(shown):
     width = options["metadata"]["image/png"]["width"]
     assert abs(pixels.shape[1] - 2 * width) <= 1 and 250 < width < 350
     assert np.array_equal(pixels[0, 0], [1, 1, 1, 1])
-    assert (
-        f' width="{width}">' in data["text/html"]
-        and 'alt="A &quot;line&quot; &amp; more."' in data["text/html"]
-    )
+    assert f' width="{width}">' in data["text/html"] and 'alt="A &quot;line&quot; &amp; more."' in data["text/html"]
     assert data["image/png"] in data["text/html"]
     assert options["metadata"]["scrapbook"]["name"] == "fig-a"
 
@@ -72,9 +69,7 @@ def test_the_cells_that_kept_a_number_are_known(monkeypatch):
     monkeypatch.setattr(pages, "num", SimpleNamespace())
     monkeypatch.setattr(pages, "kept_by", {})
     for count in (3, 3, 5):
-        monkeypatch.setattr(
-            pages, "get_ipython", lambda count=count: SimpleNamespace(execution_count=count)
-        )
+        monkeypatch.setattr(pages, "get_ipython", lambda count=count: SimpleNamespace(execution_count=count))
         pages.keep(error=count)
     assert pages.kept_by == {"error": {3, 5}}
 

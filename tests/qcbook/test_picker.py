@@ -4,9 +4,9 @@ import io
 
 import numpy as np
 import pytest
-from meshes import bowl
 from PIL import Image
 
+from meshes import bowl
 from qcbook.picker import HEIGHT, WIDTH, LandmarkPicker
 from qclearn.registration.curves import check_curves, read_landmarks
 
@@ -71,10 +71,7 @@ def test_ends_become_curves_side_by_side_and_are_saved(picker, tmp_path):
             picker.pick(side, end)
         if side == "moving":
             picker.pick("moving", 5)
-            assert (
-                picker.said
-                == "curve 1 has both ends on the moving side; click them on the control side."
-            )
+            assert picker.said == "curve 1 has both ends on the moving side; click them on the control side."
     assert picker.said == "curve 1 is complete; name it, go on, or save."
     picker.names = ["a sulcus"]
     picker.pick("control", 9)
@@ -94,9 +91,7 @@ def test_what_cannot_be_saved_is_said(picker, tmp_path):
     for side, vertex in (("moving", 1), ("moving", 1), ("control", 2), ("control", 98)):
         picker.pick(side, vertex)
     picker.save()
-    assert picker.said.startswith(
-        "Not saved: curve 'curve 1', moving side: a curve repeats vertex 1"
-    )
+    assert picker.said.startswith("Not saved: curve 'curve 1', moving side: a curve repeats vertex 1")
     picker.click("moving", 0, 0)
     assert picker.said == "There is no surface; click on it."
     assert list(tmp_path.iterdir()) == []

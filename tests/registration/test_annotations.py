@@ -43,10 +43,7 @@ def test_dice_of_unequal_regions_is_weighed_by_their_areas():
     areas, own = surface.vertex_areas, {name: inner == name for name in ("core", "left half")}
     found = dice(sides, names, Z, Z)
     left, both = areas[own["left half"]].sum(), areas[other == "left half"].sum()
-    assert found["regions"] == {
-        "core": [1, 1],
-        "left half": pytest.approx([2 * left / (left + both)] * 2),
-    }
+    assert found["regions"] == {"core": [1, 1], "left half": pytest.approx([2 * left / (left + both)] * 2)}
     core = areas[own["core"]].sum()
     assert found["after"] == pytest.approx(2 * (core + left) / (2 * core + left + both))
 
@@ -73,22 +70,10 @@ def test_regions_of_the_whole_surface_are_those_of_the_cut_one():
 @pytest.mark.parametrize(
     "annotations, text",
     [
-        (
-            (LEFT_AND_RIGHT, LEFT_AND_RIGHT[:-1]),
-            "annotation, control side: 588 regions for 589 vertices; give one a v",
-        ),
-        (
-            (np.tile(LEFT_AND_RIGHT, 3), LEFT_AND_RIGHT),
-            "annotation, moving side: 1767 regions for 589 vertices",
-        ),
-        (
-            (LEFT_AND_RIGHT, np.full(len(Z), "insula")),
-            r"share no region's name \(moving: left half, right half; contr",
-        ),
-        (
-            (np.arange(len(Z)), LEFT_AND_RIGHT),
-            r"annotation, moving side: int64 \(589,\); give the name of each vert",
-        ),
+        ((LEFT_AND_RIGHT, LEFT_AND_RIGHT[:-1]), "annotation, control side: 588 regions for 589 vertices; give one a v"),
+        ((np.tile(LEFT_AND_RIGHT, 3), LEFT_AND_RIGHT), "annotation, moving side: 1767 regions for 589 vertices"),
+        ((LEFT_AND_RIGHT, np.full(len(Z), "insula")), r"share no region's name \(moving: left half, right half; contr"),
+        ((np.arange(len(Z)), LEFT_AND_RIGHT), r"annotation, moving side: int64 \(589,\); give the name of each vert"),
         (LEFT_AND_RIGHT, "no pair"),
     ],
 )
@@ -103,26 +88,16 @@ def test_a_map_that_leads_away_from_what_was_not_fitted_is_worse():
     """A bowl of 10 cm onto itself, along four spokes of which one ends five vertices off; a right
     one beside it."""
     surface = Surface(100 * bowl(0.6).vertices, FACES)
-    curves = [
-        {"name": str(k), "moving": spoke(k), "control": spoke(k)} for k in (0, 14, 18, 28, 35)
-    ]
+    curves = [{"name": str(k), "moving": spoke(k), "control": spoke(k)} for k in (0, 14, 18, 28, 35)]
     curves[1]["control"] = spoke(19)
-    options = {
-        "features": None,
-        "hold_out": ["18"],
-        "annotations": (LEFT_AND_RIGHT, LEFT_AND_RIGHT),
-    }
+    options = {"features": None, "hold_out": ["18"], "annotations": (LEFT_AND_RIGHT, LEFT_AND_RIGHT)}
     report = register(surface, surface, curves, **options).report
     (reason,), (before, after) = report["suspect"], report["held_out_mm"]["18"]
-    found = (
-        f"end {after:.1f} mm from their targets on average ({before:.1f} after the best Möbius map)"
-    )
+    found = f"end {after:.1f} mm from their targets on average ({before:.1f} after the best Möbius map)"
     assert reason.startswith(f"worse: the held-out curves {found}") and after - before > 2
 
 
 def test_a_good_map_is_not_worse():
     surface = Surface(100 * bowl(0.6).vertices, FACES)
-    report = register(
-        surface, surface, entries(0), features=None, annotations=(LEFT_AND_RIGHT,) * 2
-    ).report
+    report = register(surface, surface, entries(0), features=None, annotations=(LEFT_AND_RIGHT,) * 2).report
     assert report["suspect"] == [] and report["dice"]["after"] == 1

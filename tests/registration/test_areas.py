@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from exactmaps import TWIST
 from test_hybrid import CONTROL, MOVING, flat, folds
 from test_register import bowl, entries
 
+from exactmaps import TWIST
 from qclearn.plane.mobius import mobius
 from qclearn.registration import fit as fit_module
 from qclearn.registration.features import Feature, featured
@@ -30,9 +30,7 @@ def grown(disk, growth=GROWTH):
     """A flat `ParameterizedSurface` of a disk in which the vertex z lies at z (1 + growth |z|^2):
     its areas grow with the radius."""
     at = disk.z * (1 + growth * abs(disk.z) ** 2)
-    return ParameterizedSurface(
-        Surface(np.stack([at.real, at.imag, 0 * at.real], axis=1), disk.faces), disk
-    )
+    return ParameterizedSurface(Surface(np.stack([at.real, at.imag, 0 * at.real], axis=1), disk.faces), disk)
 
 
 def growth_of(z, growth=GROWTH):
@@ -46,9 +44,7 @@ def sides_of(moving, control, maps=()):
     """`SurfacePair` of two flat `ParameterizedSurface`s with features, if any."""
     if not maps:
         return SurfacePair(moving, control, [], [])
-    moving, control, features = featured(
-        moving, control, [Feature(f"{k}", *pair) for k, pair in enumerate(maps)]
-    )
+    moving, control, features = featured(moving, control, [Feature(f"{k}", *pair) for k, pair in enumerate(maps)])
     return SurfacePair(moving, control, [], [], features)
 
 
@@ -81,9 +77,7 @@ def test_a_mobius_map_of_the_moving_disk_changes_no_area_of_the_surfaces():
     sides = sides_of(side, grown(CONTROL), [(folds(MOVING.z)[0], folds(CONTROL.z)[0])])
     found = []
     for moving, f in ((sides.moving, MOVING.z), (replace(sides.moving, disk=moved.disk), MOVING.z)):
-        found.append(
-            objective_of(problem_of(replace(sides, moving=moving)), OWN).areas.log_areal(f)
-        )
+        found.append(objective_of(problem_of(replace(sides, moving=moving)), OWN).areas.log_areal(f))
     off = found[0] - found[1]  # the log of a mean around a vertex, the mean of logs
     assert np.sqrt((off**2).mean()) < 0.01 and np.sqrt((found[0] ** 2).mean()) < 0.02
 
@@ -98,10 +92,9 @@ def test_the_derivative_of_areas_equals_central_differences(level):
     for _ in range(3):
         a, b, c = rng.normal(size=3) + 1j * rng.normal(size=3)
         change = 0.1 * (1 - abs(f) ** 2) * (a + b * f + c * f.conj() ** 2)
-        expected = (
-            objective.areas.residual(f + step * change)
-            - objective.areas.residual(f - step * change)
-        ) / (2 * step)
+        expected = (objective.areas.residual(f + step * change) - objective.areas.residual(f - step * change)) / (
+            2 * step
+        )
         found = (objective.areas.rows(f).conj() @ change).real
         assert np.linalg.norm(found - expected) < 5e-3 * np.linalg.norm(expected)
 
@@ -125,18 +118,14 @@ def test_a_face_that_folds_costs_much_and_not_infinitely():
     f[np.argmin(abs(f))] += 0.2
     residual, rows = objective.areas.residual(f), objective.areas.rows(f)
     assert np.isfinite(residual).all() and np.isfinite(rows.data).all()
-    assert abs(objective.areas.log_areal(f)).max() == pytest.approx(
-        -np.log(objective.areas.FLOOR), rel=0.1
-    )
+    assert abs(objective.areas.log_areal(f)).max() == pytest.approx(-np.log(objective.areas.FLOOR), rel=0.1)
 
 
 @pytest.fixture(scope="module")
 def pulled():
     """Three landmarks pulled across a disk, with eta 0, 0.3 and 3."""
     p = 0.4 * np.exp(2j * np.pi * np.arange(3) / 3)
-    problem = problem_of(
-        sides_of(flat(MOVING), flat(CONTROL)), p, [0.7, *(0.35 * p[1:] / abs(p[1:]))]
-    )
+    problem = problem_of(sides_of(flat(MOVING), flat(CONTROL)), p, [0.7, *(0.35 * p[1:] / abs(p[1:]))])
     return [(fit_problem(problem, Weights(eta=eta)), eta) for eta in (0.0, 0.3, 3.0)]
 
 
@@ -147,10 +136,7 @@ def test_with_landmarks_alone_a_larger_eta_changes_less_area(pulled):
         spread.append(MOVING.areas @ (ratio - MOVING.areas @ ratio / MOVING.areas.sum()) ** 2)
         assert fit.bijective and fit.fallbacks == () and fit.landmark_error < 0.05
     assert spread[2] < 0.8 * spread[1] < 0.8 * 0.9 * spread[0]
-    assert (
-        "L_area" not in pulled[0][0].losses
-        and pulled[2][0].losses["L_area"] < pulled[1][0].losses["L_area"]
-    )
+    assert "L_area" not in pulled[0][0].losses and pulled[2][0].losses["L_area"] < pulled[1][0].losses["L_area"]
 
 
 def test_without_eta_the_papers_setting_is_met_exactly(monkeypatch):
@@ -163,27 +149,16 @@ def test_without_eta_the_papers_setting_is_met_exactly(monkeypatch):
     monkeypatch.setattr(fit_module, "fit_problem", fit)
     result = register(bowl(0.6), bowl(0.9), entries(0), features=None, eta=0)
     (problem,) = seen
-    alone = fit_landmarks(
-        problem.disk.z, problem.disk.faces, problem.moving, problem.target, curve=problem.curve
-    )
+    alone = fit_landmarks(problem.disk.z, problem.disk.faces, problem.moving, problem.target, curve=problem.curve)
     np.testing.assert_allclose(result.disk_map, alone.f, rtol=0, atol=1e-9)
-    assert (
-        result.report["eta"] == 0
-        and register(bowl(0.6), bowl(0.9), entries(0), features=None).report["eta"] == 0
-    )
+    assert result.report["eta"] == 0 and register(bowl(0.6), bowl(0.9), entries(0), features=None).report["eta"] == 0
 
 
 def test_the_report_tells_eta_and_distortions():
-    told = [
-        register(bowl(0.6), bowl(1.2), entries(0), eta=eta, features=None).report
-        for eta in (0.0, 2.0)
-    ]
+    told = [register(bowl(0.6), bowl(1.2), entries(0), eta=eta, features=None).report for eta in (0.0, 2.0)]
     areas = [report["distortion"]["log2_area"] for report in told]
     assert [report["eta"] for report in told] == [0.0, 2.0] and json.dumps(told)
-    assert all(
-        list(area) == ["50", "95", "100"] and area["50"] < area["95"] < area["100"]
-        for area in areas
-    )
+    assert all(list(area) == ["50", "95", "100"] and area["50"] < area["95"] < area["100"] for area in areas)
     assert areas[1]["95"] < areas[0]["95"]
 
 
@@ -218,12 +193,8 @@ def test_fits_from_spoilt_starts_end_where_the_good_one_does(spoilt):
 
 def test_the_start_is_told_in_words(spoilt):
     good, *_, last = spoilt
-    assert re.match(
-        r"by features; with places in space the start lies 0\.\d+ from there", good.start
-    )
-    assert re.match(
-        r"by features and places \(objective \S+\), not by features \(objective \S+\)", last.start
-    )
+    assert re.match(r"by features; with places in space the start lies 0\.\d+ from there", good.start)
+    assert re.match(r"by features and places \(objective \S+\), not by features \(objective \S+\)", last.start)
     taken, left = map(float, re.findall(r"objective ([\d.]+)", last.start))
     assert taken < left
 
@@ -235,10 +206,7 @@ def test_places_that_mislead_do_no_harm():
     turned = replace(side, surface=Surface(side.surface.vertices * [-1, -1, 1], MOVING.faces))
     sides = sides_of(turned, tall(CONTROL), MAPS)
     fit = fit_registration(problem_of(sides), WEIGHTS, sides.features)
-    assert (
-        fit.start.startswith("by features (objective")
-        and abs(fit.f - TWIST(MOVING.z)).mean() < 0.02
-    )
+    assert fit.start.startswith("by features (objective") and abs(fit.f - TWIST(MOVING.z)).mean() < 0.02
 
 
 @pytest.mark.parametrize(

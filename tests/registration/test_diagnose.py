@@ -7,10 +7,10 @@ from copy import deepcopy
 from dataclasses import replace
 from types import SimpleNamespace
 
-import meshes
 import numpy as np
 import pytest
 
+import meshes
 from qclearn.benchmark import read_measured
 from qclearn.io.fsaverage import demo_landmarks, fsaverage5
 from qclearn.plane.disk import Disk
@@ -38,22 +38,13 @@ from qclearn.surfaces.conformal import ParameterizedSurface, parameterize
 from qclearn.surfaces.surface import Surface, mirror
 
 SULCI = demo_landmarks()["curves"]
-SUBSETS = [
-    slice(0, 4),
-    slice(4, 8),
-    slice(7, 11),
-    slice(None, None, 3),
-    slice(2, 9),
-    slice(None),
-]  # of the eleven
+SUBSETS = [slice(0, 4), slice(4, 8), slice(7, 11), slice(None, None, 3), slice(2, 9), slice(None)]  # of the eleven
 
 
 @pytest.fixture(scope="module")
 def sides():
     """fsaverage5's mirrored right hemisphere and its left one, each on its disk."""
-    return SurfacePair(
-        parameterize(mirror(fsaverage5("right"))), parameterize(fsaverage5("left")), [], []
-    )
+    return SurfacePair(parameterize(mirror(fsaverage5("right"))), parameterize(fsaverage5("left")), [], [])
 
 
 def with_curves(sides, curves):
@@ -72,9 +63,7 @@ def exchanged(sides):
 def mirrored(sides):
     """The sides with the moving one mirrored."""
     surface = mirror(sides.moving.surface)
-    return replace(
-        sides, moving=ParameterizedSurface(surface, Disk(sides.moving.disk.z.conj(), surface.faces))
-    )
+    return replace(sides, moving=ParameterizedSurface(surface, Disk(sides.moving.disk.z.conj(), surface.faces)))
 
 
 def words(reasons):
@@ -82,17 +71,13 @@ def words(reasons):
 
 
 def test_what_was_repaired_of_the_disks_is_told(sides):
-    assert sides.messages and all(
-        re.match("(moving|control): .*(raised|switched)", word) for word in sides.messages
-    )
+    assert sides.messages and all(re.match("(moving|control): .*(raised|switched)", word) for word in sides.messages)
 
 
 @pytest.mark.parametrize("subset", SUBSETS, ids=str)
 def test_good_landmarks_are_not_suspect(sides, subset):
     assert messages_of_curves(sides, SULCI[subset]) == []
-    back = [
-        entry | {"moving": entry["control"], "control": entry["moving"]} for entry in SULCI[subset]
-    ]
+    back = [entry | {"moving": entry["control"], "control": entry["moving"]} for entry in SULCI[subset]]
     assert messages_of_curves(exchanged(sides), back) == []  # with the landmarks, so no mistake
 
 
@@ -125,9 +110,7 @@ def test_numbers_of_the_whole_surface_are_recognised(sides, subset, wrong):
 
 @pytest.mark.parametrize("subset", SUBSETS, ids=str)
 def test_curves_all_run_backwards_are_recognised(sides, subset):
-    (reason,) = messages_of_curves(
-        sides, [entry | {"moving": entry["moving"][::-1]} for entry in SULCI[subset]]
-    )
+    (reason,) = messages_of_curves(sides, [entry | {"moving": entry["moving"][::-1]} for entry in SULCI[subset]])
     assert reason.startswith("reversed: ")
     assert all(entry["name"] in reason for entry in SULCI[subset])
 
@@ -143,10 +126,7 @@ def test_one_curve_run_backwards_is_recognised_and_named(sides, which):
 @pytest.mark.parametrize("first, second", [(0, 1), (2, 3), (6, 8), (0, 9), (9, 4), (5, 10)])
 def test_two_swapped_names_are_recognised_and_named(sides, first, second):
     curves = deepcopy(SULCI)
-    curves[first]["moving"], curves[second]["moving"] = (
-        curves[second]["moving"],
-        curves[first]["moving"],
-    )
+    curves[first]["moving"], curves[second]["moving"] = (curves[second]["moving"], curves[first]["moving"])
     (reason,) = messages_of_curves(sides, curves)
     assert reason.startswith("swapped: ")
     assert {entry["name"] for entry in SULCI if repr(entry["name"]) in reason} == {
@@ -162,27 +142,20 @@ def test_several_mistakes_are_told_apart(sides):
     curves[4]["moving"] = curves[4]["moving"][::-1]
     turned, backwards, ring = messages_of_curves(mirrored(sides), curves)
     assert words([turned, backwards, ring]) == ["mirror", "reversed", "swapped"]
-    assert repr(SULCI[4]["name"]) in backwards and all(
-        repr(SULCI[k]["name"]) in ring for k in range(3)
-    )
+    assert repr(SULCI[4]["name"]) in backwards and all(repr(SULCI[k]["name"]) in ring for k in range(3))
 
 
 def test_what_is_found_does_not_hang_on_the_disk_maps_gauge(sides):
     curves = [entry | {"moving": entry["moving"][::-1]} for entry in SULCI[:5]]
     disk = sides.moving.disk
     moving = replace(sides.moving, disk=disk.at(mobius(disk.z, 0.5 - 0.3j, 2.0)))
-    assert (
-        messages_of_curves(replace(sides, moving=moving), curves)
-        == messages_of_curves(sides, curves)
-        != []
-    )
+    assert messages_of_curves(replace(sides, moving=moving), curves) == messages_of_curves(sides, curves) != []
 
 
 def test_a_surface_onto_itself_is_not_suspect(sides):
     assert (
         messages_of_curves(
-            replace(sides, moving=sides.control),
-            [entry | {"moving": entry["control"]} for entry in SULCI],
+            replace(sides, moving=sides.control), [entry | {"moving": entry["control"]} for entry in SULCI]
         )
         == []
     )
@@ -195,22 +168,16 @@ def test_surfaces_that_share_one_numbering_are_not_called_exchanged(sides):
     paths = np.array([entry["control"] for entry in SULCI[:6]])
     rng = np.random.default_rng(3)
     away = 0.02 * np.exp(2j * np.pi * rng.uniform(size=paths.shape))
-    there = np.array([abs(w - place).argmin() for place in (w[paths] + away).ravel()]).reshape(
-        paths.shape
-    )
+    there = np.array([abs(w - place).argmin() for place in (w[paths] + away).ravel()]).reshape(paths.shape)
     assert not set(there.ravel()) & set(paths.ravel())
     moved = w.copy()
-    moved[paths] = w[
-        there
-    ]  # where exchanged curves have no misfit, and the given ones twice `away`
+    moved[paths] = w[there]  # where exchanged curves have no misfit, and the given ones twice `away`
     moved[there] = 2 * w[there] - w[paths]
     curves = [
         {"name": str(k), "moving": one.tolist(), "control": other.tolist()}
         for k, (one, other) in enumerate(zip(paths, there))
     ]
-    both = with_curves(
-        SurfacePair(control, replace(control, disk=control.disk.at(moved)), [], []), curves
-    )
+    both = with_curves(SurfacePair(control, replace(control, disk=control.disk.at(moved)), [], []), curves)
     given = diagnose.given_hypothesis(both)
     others = diagnose.surface_hypotheses(given, both)
     found = diagnose.compared(given, next(other for other in others if "exchanged" in other.reason))
@@ -222,52 +189,20 @@ def test_surfaces_that_share_one_numbering_are_not_called_exchanged(sides):
 
 
 def test_a_large_error_is_one_in_millimetres_that_the_map_has_not_reduced():
-    assert (
-        list(
-            large_error(
-                {"landmark_error_mm": 2.9, "landmark_error": 0.1, "landmark_error_before": 0.1}
-            )
-        )
-        == []
-    )
-    assert (
-        list(
-            large_error(
-                {"landmark_error_mm": 9, "landmark_error": 0.03, "landmark_error_before": 0.1}
-            )
-        )
-        == []
-    )
-    (reason,) = large_error(
-        {"landmark_error_mm": 3.1, "landmark_error": 0.05, "landmark_error_before": 0.1}
-    )
-    assert (
-        reason.startswith("error: ")
-        and "3.1 mm" in reason
-        and "50 %" in reason
-        and "gamma" in reason
-    )
+    assert list(large_error({"landmark_error_mm": 2.9, "landmark_error": 0.1, "landmark_error_before": 0.1})) == []
+    assert list(large_error({"landmark_error_mm": 9, "landmark_error": 0.03, "landmark_error_before": 0.1})) == []
+    (reason,) = large_error({"landmark_error_mm": 3.1, "landmark_error": 0.05, "landmark_error_before": 0.1})
+    assert reason.startswith("error: ") and "3.1 mm" in reason and "50 %" in reason and "gamma" in reason
 
 
 def test_an_odd_curve_is_named():
     rows = [
-        {"name": name, "landmark_error_mm": error}
-        for name, error in (("a", 1.0), ("b", 1.2), ("c", 6.1), ("d", 0.9))
+        {"name": name, "landmark_error_mm": error} for name, error in (("a", 1.0), ("b", 1.2), ("c", 6.1), ("d", 0.9))
     ]
     (reason,) = odd_curves(rows)
     assert reason.startswith("curve: 'c' ends 6.1 mm")
-    assert (
-        list(
-            odd_curves(
-                [row | {"landmark_error_mm": row["landmark_error_mm"] * 0.8} for row in rows]
-            )
-        )
-        == []
-    )
-    assert (
-        list(odd_curves([*rows, *({"name": name, "landmark_error_mm": 7.0} for name in "efg")]))
-        == []
-    )  # all are bad
+    assert list(odd_curves([row | {"landmark_error_mm": row["landmark_error_mm"] * 0.8} for row in rows])) == []
+    assert list(odd_curves([*rows, *({"name": name, "landmark_error_mm": 7.0} for name in "efg")])) == []  # all are bad
 
 
 def test_many_switched_rows_are_counted():
@@ -292,17 +227,10 @@ def test_strong_distortion_is_measured_by_area_and_not_by_faces():
 
 def test_held_out_curves_that_end_farther_off_are_told():
     near = {"a": (10.0, 4.0), "b": (2.7, 3.1)}
-    assert (
-        list(worse(near, {}))
-        == list(worse({}, {}))
-        == list(worse({"a": (0.1, 0.5), "b": (3.0, 3.1)}, {}))
-        == []
-    )
+    assert list(worse(near, {})) == list(worse({}, {})) == list(worse({"a": (0.1, 0.5), "b": (3.0, 3.1)}, {})) == []
     assert list(worse({"a": (50.0, 54.0)}, {})) == list(worse(near | {"c": (8.0, 13.1)}, {})) == []
     (reason,) = worse({"a": (2.0, 3.1), "b": (3.0, 3.1)}, {})
-    assert reason.startswith(
-        "worse: the held-out curves end 3.1 mm from their targets on average (2.5 after"
-    )
+    assert reason.startswith("worse: the held-out curves end 3.1 mm from their targets on average (2.5 after")
     (reason,) = worse({"a": (30.0, 4.0), "c": (8.0, 18.1)}, {})
     assert reason.startswith("worse: 'c' ends 18.1 mm from its target (8.0 after")
 
@@ -310,18 +238,14 @@ def test_held_out_curves_that_end_farther_off_are_told():
 def test_annotations_that_agree_less_are_told():
     assert list(worse({}, {"before": 0.8, "after": 0.77})) == []
     (reason,) = worse({"a": (4.0, 9.5)}, {"before": 0.8, "after": 0.75})
-    assert (
-        "9.5 mm" in reason
-        and "the annotations' Dice is 0.75 (0.80 after the best Möbius map)" in reason
-    )
+    assert "9.5 mm" in reason and "the annotations' Dice is 0.75 (0.80 after the best Möbius map)" in reason
 
 
 def test_all_reasons_come_in_one_list(sides):
     both = with_curves(sides, [entry | {"moving": entry["moving"][::-1]} for entry in SULCI])
     errors = {"landmark_error_before": 0.1, "landmark_error": 0.2}
     rows = [
-        errors | {"name": entry["name"], "landmark_error_mm": 40.0 if k == 3 else 4.0}
-        for k, entry in enumerate(SULCI)
+        errors | {"name": entry["name"], "landmark_error_mm": 40.0 if k == 3 else 4.0} for k, entry in enumerate(SULCI)
     ]
     fit = SimpleNamespace(mu=np.full(len(both.moving.surface.faces), 0.95), switched=1888)
     found = [*diagnose_landmarks(both), *reasons(both.moving.surface, rows, fit)]
@@ -348,9 +272,7 @@ def test_the_limits_are_those_that_were_measured_and_no_good_case_is_suspect(mea
     # A map by one or two curves alone may lead away from the others: `worse:` is then true of a
     # pair without a mistake.
     assert all(case["kind"] == "good, one or two" and not case["features"] for case in told)
-    assert len(told) <= 0.25 * sum(
-        case["kind"] == "good, one or two" and not case["features"] for case in good
-    )
+    assert len(told) <= 0.25 * sum(case["kind"] == "good, one or two" and not case["features"] for case in good)
     assert [words(case["suspect"]) for case in told] == [["worse"]] * len(told)
 
 
@@ -371,10 +293,7 @@ def test_the_limits_are_those_that_were_measured_and_no_good_case_is_suspect(mea
 )
 def test_in_the_table_each_mistake_is_recognised(measured, kind, word, least):
     cases = [case for case in measured["cases"] if case["kind"] == kind]
-    named = [
-        word in words(case.get("mistakes", [])) or f"{word}: " in case.get("refused", "")
-        for case in cases
-    ]
+    named = [word in words(case.get("mistakes", [])) or f"{word}: " in case.get("refused", "") for case in cases]
     assert len(cases) >= least and np.mean(named) >= 0.95
 
 
@@ -384,11 +303,7 @@ def test_in_the_table_each_mistake_is_recognised(measured, kind, word, least):
 @pytest.fixture(scope="module")
 def folded_pair():
     """fsaverage5's mirrored right hemisphere and its left one, each on its disk, with their folds."""
-    return with_folds(
-        SurfacePair(
-            parameterize(mirror(fsaverage5("right"))), parameterize(fsaverage5("left")), [], []
-        )
-    )
+    return with_folds(SurfacePair(parameterize(mirror(fsaverage5("right"))), parameterize(fsaverage5("left")), [], []))
 
 
 @pytest.fixture(scope="module")
@@ -406,12 +321,7 @@ def messages_of(folded_pair, curves):
     """The words on curves of two folded_pair, laid upon each other by them."""
     return diagnose_landmarks(
         align_disks(
-            replace(
-                folded_pair,
-                curves=check_curves(
-                    curves, folded_pair.moving.surface, folded_pair.control.surface
-                ),
-            )
+            replace(folded_pair, curves=check_curves(curves, folded_pair.moving.surface, folded_pair.control.surface))
         )
     )
 
@@ -450,9 +360,7 @@ def test_a_reversed_curve_is_recognised_and_named(folded_pair, others):
 
 def test_one_curve_in_numbers_of_the_whole_surface_is_recognised(folded_pair):
     table = folded_pair.moving.surface.original_vertices
-    (reason,) = messages_of(
-        folded_pair, [SULCI[0] | {"moving": table[SULCI[0]["moving"]].tolist()}]
-    )
+    (reason,) = messages_of(folded_pair, [SULCI[0] | {"moving": table[SULCI[0]["moving"]].tolist()}])
     assert reason.startswith("numbering: the moving vertices")
 
 
@@ -475,9 +383,7 @@ def round_bowls():
     """Two bowls of revolution with one spoke, which runs from the rim inwards on one side: what is
     right?"""
     path = np.arange(1, 1 + 24 * 6, 24)
-    moving, control = (
-        parameterize(meshes.bowl(height, curves={"east": path})) for height in (0.6, 0.9)
-    )
+    moving, control = (parameterize(meshes.bowl(height, curves={"east": path})) for height in (0.6, 0.9))
     curves = [{"name": "east", "moving": path[::-1], "control": path}]
     return SurfacePair(moving, control, check_curves(curves, moving.surface, control.surface), [])
 

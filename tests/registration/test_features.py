@@ -2,19 +2,12 @@
 
 import numpy as np
 import pytest
-from known_surfaces import grooved_sphere
 from scipy.special import j0, jn_zeros
 
+from known_surfaces import grooved_sphere
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk
-from qclearn.registration.features import (
-    HEMISPHERE,
-    Feature,
-    FeatureError,
-    Smoothing,
-    check_features,
-    featured,
-)
+from qclearn.registration.features import HEMISPHERE, Feature, FeatureError, Smoothing, check_features, featured
 from qclearn.registration.residuals import FeatureTerm
 from qclearn.surfaces.conformal import ParameterizedSurface
 from qclearn.surfaces.curvature import mean_curvature, sulcal_depth
@@ -41,10 +34,7 @@ def waves(w):
 
 
 def features(unit=1.0, scale=1.0, weights=(1.0, 1.0)):
-    maps = [
-        Feature(f"wave {k}", scale * u + k, 3 * u, w)
-        for k, (u, w) in enumerate(zip(waves(Z), weights))
-    ]
+    maps = [Feature(f"wave {k}", scale * u + k, 3 * u, w) for k, (u, w) in enumerate(zip(waves(Z), weights))]
     return compared(flat(unit), maps)
 
 
@@ -78,9 +68,7 @@ def test_any_scale_will_do(scale):
 def test_outliers_are_clipped():
     values = waves(Z)[0].copy()
     values[[5, 900]] = [1e4, -1e4]
-    smoothed = Smoothing(flat(), ["spiked", "wave"], np.stack([values, waves(Z)[0]], axis=1)).at(
-        4.0
-    )
+    smoothed = Smoothing(flat(), ["spiked", "wave"], np.stack([values, waves(Z)[0]], axis=1)).at(4.0)
     assert abs(smoothed).max() < 4
     areas = flat().vertex_areas / flat().area
     assert areas @ smoothed.prod(1) > 0.3  # unclipped: two spikes alone
@@ -93,15 +81,12 @@ def test_the_mismatch_is_twice_one_less_the_correlation():
     pair = compared(flat(), [Feature("mixed", one + two, one - 0.3 * two)])
     r = pair.correlation(Z)
     assert 0.1 < r[0] < 0.9
-    assert (FeatureTerm(pair, 4.0, 0.7).residual(Z) ** 2).sum() == pytest.approx(
-        0.7 * 2 * (1 - r[0]), rel=1e-6
-    )
+    assert (FeatureTerm(pair, 4.0, 0.7).residual(Z) ** 2).sum() == pytest.approx(0.7 * 2 * (1 - r[0]), rel=1e-6)
 
 
 def test_weights_are_shares():
     mismatch = [
-        (FeatureTerm(features(weights=w), 8.0, 1.0).residual(0.9 * Z) ** 2).sum()
-        for w in ((1, 3), (1, 1), (0.2, 0.6))
+        (FeatureTerm(features(weights=w), 8.0, 1.0).residual(0.9 * Z) ** 2).sum() for w in ((1, 3), (1, 1), (0.2, 0.6))
     ]
     assert mismatch[0] == pytest.approx(mismatch[2]) != pytest.approx(mismatch[1])
 
@@ -116,12 +101,7 @@ def test_the_folds_are_depth_and_curvature():
 
 def test_maps_of_the_users_own_with_and_without_weights():
     one, two = waves(Z)
-    given = [
-        (one, two),
-        ((two, one), 2),
-        Feature("sulc", one, one, 0.5),
-        (Feature("thickness", one, one), 3.0),
-    ]
+    given = [(one, two), ((two, one), 2), Feature("sulc", one, one, 0.5), (Feature("thickness", one, one), 3.0)]
     found = check_features(given, flat(), flat())
     assert [(feature.name, feature.weight) for feature in found] == [
         ("feature 1", 1.0),
@@ -152,41 +132,23 @@ HOLE = np.where(np.arange(len(Z)) == 7, np.nan, ONE)
 SPIKE = 0.3 + 1.0 * (np.arange(len(Z)) == 900)
 MASK = 1.0 * (np.arange(len(Z)) < len(Z) // 200)
 BAD_FEATURES = [
-    (
-        [(ONE, SPIKE)],
-        "feature 1, control side: the same value everywhere but for outliers; leave it out",
-    ),
-    (
-        [(MASK, ONE)],
-        "feature 1, moving side: the same value everywhere but for outliers; leave it out",
-    ),
+    ([(ONE, SPIKE)], "feature 1, control side: the same value everywhere but for outliers; leave it out"),
+    ([(MASK, ONE)], "feature 1, moving side: the same value everywhere but for outliers; leave it out"),
     ([("wave", ONE)], "^feature 1, moving side: values of type <U4"),
     (["sulc"], "unknown feature 'sulc': depth and curvature are computed"),
     ("depth", "features are 'depth': give a list"),
     ([], r"features are \[\]: give a list of them, or None for landmarks alone"),
     ([ONE], "feature 1 is neither a name nor a pair of maps"),
-    (
-        [(ONE, ONE), (ONE, ONE[:-1])],
-        rf"feature 2, control side: shape \({len(Z) - 1},\) for {len(Z)} vertices",
-    ),
+    ([(ONE, ONE), (ONE, ONE[:-1])], rf"feature 2, control side: shape \({len(Z) - 1},\) for {len(Z)} vertices"),
     ([(ONE, HOLE)], r"feature 1, control side: not finite at vertices \[7\]"),
-    (
-        [(np.full(len(Z), 2.5), ONE)],
-        "feature 1, moving side: the same value everywhere, 2.5; leave",
-    ),
+    ([(np.full(len(Z), 2.5), ONE)], "feature 1, moving side: the same value everywhere, 2.5; leave"),
     ([Feature("sulc", ONE, ONE + 0j)], "sulc, control side: values of type complex128"),
-    (
-        [Feature("areas", np.arange(len(Z)), ONE)],
-        "areas, moving side: values of type int64.*labels have no order",
-    ),
+    ([Feature("areas", np.arange(len(Z)), ONE)], "areas, moving side: values of type int64.*labels have no order"),
     ([(ONE > 0, ONE)], "feature 1, moving side: values of type bool"),
     ([([[1.0], [1.0, 2.0]], ONE)], "feature 1, moving side: lists of unequal lengths"),
     ([(ONE, [[1.0], [1.0, 2.0]])], "feature 1, control side: lists of unequal lengths"),
     ([(ONE.tolist(), [[1.0], [1.0, 2.0]])], "feature 1, control side: lists of unequal lengths"),
-    *[
-        ([Feature(name, ONE, ONE)], "feature 1: its name .* is not text")
-        for name in (None, 3, ["a"])
-    ],
+    *[([Feature(name, ONE, ONE)], "feature 1: its name .* is not text") for name in (None, 3, ["a"])],
     ([((ONE, ONE), 0.0)], "feature 1: weight 0.0 is not positive"),
     ([((ONE, ONE), np.nan)], "feature 1: weight nan is not positive"),
     ([Feature("sulc", ONE, ONE), Feature("sulc", ONE, ONE)], r"features named twice: \['sulc'\]"),

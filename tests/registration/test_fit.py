@@ -7,10 +7,10 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
-from exactmaps import TWIST
-from meshes import bowl, random_disk, random_mu
 from scipy.sparse.linalg import SuperLU
 
+from exactmaps import TWIST
+from meshes import bowl, random_disk, random_mu
 from qclearn import disk_conformal_map, mirror
 from qclearn.plane.beltrami import beltrami_coefficient, locate, signed_areas, solve_beltrami_disk
 from qclearn.plane.bijectivity import check_bijective
@@ -22,12 +22,7 @@ from qclearn.plane.mobius import best_mobius, compose_mobius, mobius, mobius_inv
 from qclearn.plane.tangent import CoefficientMesh
 from qclearn.registration import multiresolution as multiresolution_module
 from qclearn.registration.fit import fit_landmarks, fit_problem
-from qclearn.registration.gauss_newton import (
-    MOBIUS_PRIOR,
-    Discretization,
-    GaussNewtonObjective,
-    corrected,
-)
+from qclearn.registration.gauss_newton import MOBIUS_PRIOR, Discretization, GaussNewtonObjective, corrected
 from qclearn.registration.multiresolution import MultiresolutionFit, start_field
 from qclearn.registration.problem import LandmarkError, Problem, Weights
 from qclearn.registration.residuals import TANGENTIAL_WEIGHT, LandmarkTerm
@@ -72,13 +67,10 @@ def test_the_prior_is_the_mean_of_mu_and_of_its_gradient():
     a, b, alpha, beta = 0.3 - 0.2j, 0.1 + 0.4j, 0.7, 0.05
     mesh = Disk(z, faces)
     newton = GaussNewtonObjective(
-        Discretization(Problem(MESH, z[:3], z[:3]), CoefficientMesh(mesh, mesh), own=False),
-        Weights(alpha, beta),
+        Discretization(Problem(MESH, z[:3], z[:3]), CoefficientMesh(mesh, mesh), own=False), Weights(alpha, beta)
     )
     size = abs(a) ** 2 + abs(b) ** 2
-    assert newton.prior(a * z + b * z.conj()) == pytest.approx(
-        alpha * size / 2 + beta * 2 * size, rel=2e-3
-    )
+    assert newton.prior(a * z + b * z.conj()) == pytest.approx(alpha * size / 2 + beta * 2 * size, rel=2e-3)
 
 
 def test_the_residual_is_the_papers_landmark_loss():
@@ -105,13 +97,9 @@ def small_newton(sliding, seed=3):
     rng = np.random.default_rng(seed)
     mesh = Disk(*polar_disk(4, 10))
     labels = np.repeat([0, 1], 4)
-    moving, target = (
-        0.6 * np.exp(2j * np.pi * rng.uniform(size=8)) * rng.uniform(0.3, 1, 8) for _ in range(2)
-    )
+    moving, target = (0.6 * np.exp(2j * np.pi * rng.uniform(size=8)) * rng.uniform(0.3, 1, 8) for _ in range(2))
     problem = Problem(MESH, moving, target, labels, sliding)
-    newton = GaussNewtonObjective(
-        Discretization(problem, CoefficientMesh(mesh, mesh), own=False), Weights(1.0, 0.02)
-    )
+    newton = GaussNewtonObjective(Discretization(problem, CoefficientMesh(mesh, mesh), own=False), Weights(1.0, 0.02))
     return newton, 0.3 * complex_normal(rng, len(mesh.z)), rng
 
 
@@ -127,9 +115,7 @@ def test_the_jacobian_equals_finite_differences(sliding):
     for change in complex_normal(rng, 5, len(nu)):
         sides = [residual(newton, nu + sign * step * change, parameters, gamma) for sign in (1, -1)]
         expected = (sides[0] - sides[1]) / (2 * step)
-        np.testing.assert_allclose(
-            (J.conj() @ change).real, expected, atol=1e-7 * abs(expected).max()
-        )
+        np.testing.assert_allclose((J.conj() @ change).real, expected, atol=1e-7 * abs(expected).max())
 
 
 @pytest.mark.parametrize("sliding", [False, True])
@@ -143,9 +129,7 @@ def test_the_dual_step_is_the_gauss_newton_step(sliding):
         moved = compose_mobius(parameters, (complex(x[2 * n], x[2 * n + 1]), x[2 * n + 2]))
         return residual(newton, nu + x[:n] + 1j * x[n : 2 * n], moved, gamma)
 
-    J = np.stack(
-        [(at(step * unit) - at(-step * unit)) / (2 * step) for unit in np.eye(2 * n + 3)], axis=1
-    )
+    J = np.stack([(at(step * unit) - at(-step * unit)) / (2 * step) for unit in np.eye(2 * n + 3)], axis=1)
     W = newton.W.toarray()
     prior = np.zeros((2 * n + 3, 2 * n + 3))
     prior[:n, :n] = prior[n : 2 * n, n : 2 * n] = W
@@ -159,9 +143,7 @@ def test_the_dual_step_is_the_gauss_newton_step(sliding):
     np.testing.assert_allclose(change, expected[:n] + 1j * expected[n : 2 * n], atol=1e-5 * scale)
     np.testing.assert_allclose([da.real, da.imag, dtheta], expected[2 * n :], atol=1e-5 * scale)
     model = at(np.zeros(2 * n + 3)) + J @ expected
-    least = (
-        newton.prior(nu + change) + model @ model + MOBIUS_PRIOR * (expected[2 * n :] ** 2).sum()
-    )
+    least = newton.prior(nu + change) + model @ model + MOBIUS_PRIOR * (expected[2 * n :] ** 2).sum()
     assert promised == pytest.approx(least, rel=1e-5)
 
 
@@ -182,12 +164,8 @@ def counted_solves():
         sys.setprofile(None)
 
 
-@pytest.mark.parametrize(
-    "seed, gamma, exact, most", [(6, 1e4, 0.0219274, 150), (2, 1e5, 0.0160866, 175)]
-)
-def test_steps_without_a_jacobian_end_where_exact_ones_do_and_cost_few_solves(
-    seed, gamma, exact, most
-):
+@pytest.mark.parametrize("seed, gamma, exact, most", [(6, 1e4, 0.0219274, 150), (2, 1e5, 0.0160866, 175)])
+def test_steps_without_a_jacobian_end_where_exact_ones_do_and_cost_few_solves(seed, gamma, exact, most):
     """exact: the end of steps by adjoint solves for each landmark.
 
     Steps that do not use what earlier ones have computed take a quarter more solves; those of
@@ -204,10 +182,7 @@ def test_steps_without_a_jacobian_end_where_exact_ones_do_and_cost_few_solves(
 def small_objective(p, q):
     """The fit of landmarks on their own mesh, with nu on a polar one."""
     return GaussNewtonObjective(
-        Discretization(
-            Problem(MESH, p, q), CoefficientMesh(MESH, Disk(*polar_disk(8, 24))), own=True
-        ),
-        Weights(),
+        Discretization(Problem(MESH, p, q), CoefficientMesh(MESH, Disk(*polar_disk(8, 24))), own=True), Weights()
     )
 
 
@@ -224,9 +199,7 @@ def test_what_is_learnt_of_repeated_directions_stays_positive():
     root, few = rng.normal(size=(24, 24)), rng.normal(size=(24, 8))
     exact, noise = gamma * root @ root.T, 1e-9 * rng.normal(size=(2, 60, 24))
     directions = (few @ rng.normal(size=(8, 60))).T + noise[0]
-    gram = corrected(
-        first, [(y, exact @ y + gamma * e) for y, e in zip(directions, noise[1])], gamma
-    )
+    gram = corrected(first, [(y, exact @ y + gamma * e) for y, e in zip(directions, noise[1])], gamma)
     np.testing.assert_allclose(gamma * gram @ few, exact @ few, atol=1e-6 * abs(exact).max())
     assert np.linalg.eigvalsh(np.eye(24) + gamma * gram)[0] > 0.5
 
@@ -237,9 +210,7 @@ def test_what_a_step_has_learnt_lies_in_the_state_that_it_leads_to():
     found, again = (objective.step(begin, 1e4) for _ in range(2))
     assert begin.preconditioner is None and found.preconditioner.shape == (24, 24)
     assert objective.at(found.nu, found.mobius).preconditioner is None
-    assert np.array_equal(found.nu, again.nu) and np.array_equal(
-        found.preconditioner, again.preconditioner
-    )
+    assert np.array_equal(found.nu, again.nu) and np.array_equal(found.preconditioner, again.preconditioner)
 
 
 def test_where_the_line_search_fails_a_damped_step_leads_on():
@@ -247,14 +218,8 @@ def test_where_the_line_search_fails_a_damped_step_leads_on():
     larger gamma ends at more than ten times its least."""
     moving, control = mirror(bowl(0.6)), bowl(0.9)
     z, w = disk_conformal_map(moving), disk_conformal_map(control)
-    p, q = (
-        z[[*range(1, 145, 24), *range(7, 151, 24)]],
-        w[[*range(2, 146, 24), *range(6, 150, 24)]],
-    )
-    losses = {
-        gamma: fit_landmarks(z, moving.faces, p, q, gamma=gamma).losses["L_CP"]
-        for gamma in (1e3, 1e5)
-    }
+    p, q = (z[[*range(1, 145, 24), *range(7, 151, 24)]], w[[*range(2, 146, 24), *range(6, 150, 24)]])
+    losses = {gamma: fit_landmarks(z, moving.faces, p, q, gamma=gamma).losses["L_CP"] for gamma in (1e3, 1e5)}
     assert losses[1e3] < losses[1e5] < 1.1 * losses[1e3]
 
 
@@ -283,12 +248,7 @@ def test_random_smooth_maps_are_met(seed, n):
     assert abs(mapped - q).mean() <= 1e-4  # the goal is 2e-3
     assert fit.landmark_error == pytest.approx(abs(mapped - q).mean())
     assert sum(fit.steps) <= 10
-    assert (
-        signed_areas(fit.f, faces).min() > 0
-        and fit.bijective
-        and len(fit.flipped) == 0
-        and fit.fallbacks == ()
-    )
+    assert signed_areas(fit.f, faces).min() > 0 and fit.bijective and len(fit.flipped) == 0 and fit.fallbacks == ()
     assert check_bijective(z, faces, fit.f).bijective and abs(fit.mu).max() < 0.6
     np.testing.assert_allclose(abs(fit.f[abs(z) > 1 - 1e-9]), 1, atol=1e-12)
 
@@ -315,9 +275,7 @@ def test_a_mobius_map_costs_nothing():
     p, _ = smooth_problem(1, 30)
     a, theta = 0.3 - 0.2j, 2.0
     fit = fit_landmarks(z, faces, p, mobius(p, a, theta), gamma=1e3)
-    assert fit.mobius[0] == pytest.approx(a, abs=5e-3) and fit.mobius[1] == pytest.approx(
-        theta, abs=5e-3
-    )
+    assert fit.mobius[0] == pytest.approx(a, abs=5e-3) and fit.mobius[1] == pytest.approx(theta, abs=5e-3)
     assert fit.landmark_error < 1e-3 and fit.losses["L_mu"] < 1e-4
 
 
@@ -362,9 +320,7 @@ def test_gamma_buys_landmarks_with_distortion():
 def test_alpha_and_beta_lower_their_own_term(weight, loss):
     weights = {"alpha": 1.0, "beta": 1e-2, "gamma": 1e3}
     usual, strict = (
-        fit_landmarks(
-            *SMALL, *smooth_problem(3, 30), **weights | {weight: factor * weights[weight]}
-        )
+        fit_landmarks(*SMALL, *smooth_problem(3, 30), **weights | {weight: factor * weights[weight]})
         for factor in (1, 100)
     )
     assert strict.losses[loss] < usual.losses[loss] and strict.landmark_error > usual.landmark_error
@@ -375,9 +331,7 @@ def test_sliding_frees_the_residual_along_the_curve_only():
     already."""
     z, faces = SMALL
     (p, labels), (q, _) = lines(), lines(0.3)
-    points, curves = (
-        fit_landmarks(z, faces, p, q, 1.0, 1e-2, 1e3, labels, sliding) for sliding in (False, True)
-    )
+    points, curves = (fit_landmarks(z, faces, p, q, 1.0, 1e-2, 1e3, labels, sliding) for sliding in (False, True))
     left = Disk(z, faces).sampling(p) @ curves.f - q
     assert abs(left.imag).max() < 0.01 and abs(left.real).max() > 0.02
     assert points.landmark_error < curves.landmark_error
@@ -472,10 +426,7 @@ BAD_LANDMARKS = [
     (([], []), "give one target a landmark"),
     (([[0.1, 0.2]], [[0.1, 0.2]]), "give one target a landmark"),
     ((GOOD, [0.1, np.nan, 0.2]), r"target landmarks \[1\] are not in the closed unit disk"),
-    (
-        ([0.1, 0.2, 1.2j], GOOD),
-        r"moving landmarks \[2\] are not in the closed unit disk \(0\+1.2j\); map them",
-    ),
+    (([0.1, 0.2, 1.2j], GOOD), r"moving landmarks \[2\] are not in the closed unit disk \(0\+1.2j\); map them"),
     (([0.1, np.inf, 0.2], GOOD), r"moving landmarks \[1\] are not in the closed unit disk"),
     (([0.1, 0.2, 0.1], GOOD), "moving landmarks 0 and 2 coincide at 0.1.*drop one"),
     ((GOOD, [0.5, 0.2j, 0.2j]), "target landmarks 1 and 2 coincide"),
@@ -490,20 +441,10 @@ def test_bad_landmarks_are_refused(landmarks, message):
 
 @pytest.mark.parametrize(
     "weights",
-    [
-        {"alpha": 0},
-        {"alpha": np.nan},
-        {"beta": -1},
-        {"beta": np.inf},
-        {"gamma": 0},
-        {"gamma": -1e5},
-        {"gamma": np.nan},
-    ],
+    [{"alpha": 0}, {"alpha": np.nan}, {"beta": -1}, {"beta": np.inf}, {"gamma": 0}, {"gamma": -1e5}, {"gamma": np.nan}],
 )
 def test_bad_weights_are_refused(weights):
-    with pytest.raises(
-        LandmarkError, match=f"{next(iter(weights))} = .*must be positive and finite"
-    ):
+    with pytest.raises(LandmarkError, match=f"{next(iter(weights))} = .*must be positive and finite"):
         fit_landmarks(*SMALL, GOOD, GOOD, **weights)
 
 

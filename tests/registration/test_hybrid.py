@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from exactmaps import TWIST
 from scipy import sparse
 
+from exactmaps import TWIST
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.mobius import compose_mobius, mobius, mobius_inverse
@@ -50,9 +50,7 @@ def folds(w):
 
 def features_of(exact, moving=MOVING):
     """Features that `exact` takes to the control's, whose disk map is the disk itself."""
-    maps = [
-        Feature(name, *pair) for name, *pair in zip("ab", folds(exact(moving.z)), folds(CONTROL.z))
-    ]
+    maps = [Feature(name, *pair) for name, *pair in zip("ab", folds(exact(moving.z)), folds(CONTROL.z))]
     return featured(flat(moving), flat(CONTROL), maps)[-1]
 
 
@@ -70,9 +68,7 @@ def equations():
     rng = np.random.default_rng(1)
     mesh = Disk(*polar_disk(5, 15))
     moving, target = 0.7 * np.exp(1j * np.arange(4)), 0.6 * np.exp(1j * np.arange(4) + 0.2j)
-    discretization = Discretization(
-        Problem(MOVING, moving, target), CoefficientMesh(mesh, mesh), own=False
-    )
+    discretization = Discretization(Problem(MOVING, moving, target), CoefficientMesh(mesh, mesh), own=False)
     features = FeatureTerm(features_of(TWIST), 16.0, 0.5, Places(CONTROL, mesh.sampling(MOVING.z)))
     objective = GaussNewtonObjective(discretization, Weights(1.0, 0.02, 1e2, 0.5), features)
     nu = 0.2 * (rng.normal(size=len(mesh.z)) + 1j * rng.normal(size=len(mesh.z)))
@@ -88,9 +84,7 @@ def test_the_derivative_of_all_residuals_equals_differences(equations):
     def residual(x):
         moved = compose_mobius(state.mobius, (complex(x[-2], x[-1]), x[-3]))
         at = objective.at(state.nu + x[:-3].view(complex), moved)
-        return np.concatenate(
-            [objective.landmarks.residual(at.points, 1e2), objective.features.residual(at.f)]
-        )
+        return np.concatenate([objective.landmarks.residual(at.points, 1e2), objective.features.residual(at.f)])
 
     for _ in range(3):
         x = rng.normal(size=2 * len(state.nu) + 3)
@@ -112,9 +106,7 @@ def test_the_step_solves_the_normal_equations(equations, monkeypatch):
     monkeypatch.setattr(gauss_newton, "STEPS", 300)
     monkeypatch.setattr(found, "accuracy", 1e-9)
     J = np.stack([found.forward(unit) for unit in np.eye(2 * len(state.nu) + 3)], axis=1)
-    W = sparse.block_diag(
-        [sparse.kron(objective.W, np.eye(2)), gauss_newton.MOBIUS_PRIOR * np.eye(3)]
-    ).toarray()
+    W = sparse.block_diag([sparse.kron(objective.W, np.eye(2)), gauss_newton.MOBIUS_PRIOR * np.eye(3)]).toarray()
     nu = np.concatenate([state.nu.view(float), np.zeros(3)])
     expected = -np.linalg.solve(W + J.T @ J, W @ nu + J.T @ found.residual)
     change, da, dtheta, promised = found.propose()
@@ -122,9 +114,7 @@ def test_the_step_solves_the_normal_equations(equations, monkeypatch):
     np.testing.assert_allclose(change.view(float), expected[:-3], atol=1e-6 * scale)
     np.testing.assert_allclose([dtheta, da.real, da.imag], expected[-3:], atol=1e-6 * scale)
     model = found.residual + J @ expected
-    assert promised == pytest.approx(
-        (nu + expected) @ W @ (nu + expected) + model @ model, rel=1e-8
-    )
+    assert promised == pytest.approx((nu + expected) @ W @ (nu + expected) + model @ model, rel=1e-8)
 
 
 def test_what_a_step_has_learnt_lies_in_the_state_that_it_leads_to(equations):
@@ -163,20 +153,14 @@ def test_features_lead_between_the_landmarks():
     """Landmarks on a line through the centre; what lies beside it is known to the features alone."""
     p = np.linspace(-0.6, 0.6, 9) + 0.05j
     problem, weights = Problem(MOVING, p, TWIST(p)), Weights(gamma=1e4, delta=1.0)
-    alone, both = (
-        fit_problem(problem, weights),
-        fit_registration(problem, weights, features_of(TWIST)),
-    )
+    alone, both = (fit_problem(problem, weights), fit_registration(problem, weights, features_of(TWIST)))
     errors = [abs(fit.f - TWIST(MOVING.z)).mean() for fit in (alone, both)]
     assert errors[1] < errors[0] / 3 and both.landmark_error < 5e-3 and both.bijective
 
 
 def test_coarse_features_guide_with_less_weight_and_the_whole_is_asked_for_at_last():
     t = np.exp(1j * np.arange(6))
-    multiresolution, features = (
-        MultiresolutionFit(Problem(MOVING, 0.6 * t, 0.5 * t)),
-        features_of(TWIST),
-    )
+    multiresolution, features = (MultiresolutionFit(Problem(MOVING, 0.6 * t, 0.5 * t)), features_of(TWIST))
     asked = Weights(gamma=1e5, delta=1.0)
     scales = [level.sigma for level in LEVELS]
     assert scales == sorted(scales, reverse=True) and scales[0] == 32 and LEVELS[-1].own_mesh
@@ -221,9 +205,7 @@ def standing(rings, levels=LARGE_LEVELS):
 
 
 def fitted(levels):
-    return fit_registration(
-        Problem(MOVING, P, TWIST(P)), Weights(delta=1.0), features_of(TWIST), levels=levels
-    )
+    return fit_registration(Problem(MOVING, P, TWIST(P)), Weights(delta=1.0), features_of(TWIST), levels=levels)
 
 
 def final_objective(fit):
@@ -237,35 +219,23 @@ def usual():
 
 def test_a_polar_mesh_stands_for_a_surface_that_is_then_solved_on_once(usual):
     found = fitted(standing(24))
-    assert (
-        found.steps[-2] > 0 and found.steps[-1] == 0 and found.bijective and found.fallbacks == ()
-    )
+    assert found.steps[-2] > 0 and found.steps[-1] == 0 and found.bijective and found.fallbacks == ()
     assert abs(found.f - usual.f).mean() < 2e-3 and found.f.shape == MOVING.z.shape
     assert final_objective(found) < 1.05 * final_objective(usual)
 
 
 def test_steps_on_the_surface_follow_where_what_stands_for_it_misleads(usual):
     found = fitted(standing(4))
-    blind = fitted(
-        [level._replace(skip_ratio=np.inf if level.skip_ratio else 0.0) for level in standing(4)]
-    )
-    assert (
-        found.steps[-1] > 0
-        and found.bijective
-        and final_objective(found) < 1.05 * final_objective(usual)
-    )
+    blind = fitted([level._replace(skip_ratio=np.inf if level.skip_ratio else 0.0) for level in standing(4)])
+    assert found.steps[-1] > 0 and found.bijective and final_objective(found) < 1.05 * final_objective(usual)
     assert blind.steps[-1] == 0 and final_objective(blind) > 1.1 * final_objective(usual)
 
 
 def test_landmarks_alone_are_fitted_on_what_stands_for_a_large_surface():
     problem, weights = Problem(MOVING, P, TWIST(P)), Weights(gamma=1e2)
-    objective, state, steps = MultiresolutionFit(problem).run(
-        standing(32, landmark_levels(LARGE_DISK, 16)), weights
-    )
+    objective, state, steps = MultiresolutionFit(problem).run(standing(32, landmark_levels(LARGE_DISK, 16)), weights)
     assert steps[-2] > 0 and steps[-1] == 0 and objective.problem is problem
-    assert objective.value(state, 1e2) == pytest.approx(
-        fit_problem(problem, weights).losses["L_CP"], rel=0.05
-    )
+    assert objective.value(state, 1e2) == pytest.approx(fit_problem(problem, weights).losses["L_CP"], rel=0.05)
 
 
 def test_only_a_large_surface_has_a_polar_mesh_stand_for_it():
@@ -273,9 +243,7 @@ def test_only_a_large_surface_has_a_polar_mesh_stand_for_it():
         level.proxy_rings for level in (*LEVELS, *landmark_levels(MOVING, 16))
     )
     for levels in (feature_levels(LARGE_DISK), list(landmark_levels(LARGE_DISK, 16))):
-        assert (
-            levels[-2].proxy_rings == 64 and levels[-1].own_mesh and levels[-1].skip_ratio == 1.05
-        )
+        assert levels[-2].proxy_rings == 64 and levels[-1].own_mesh and levels[-1].skip_ratio == 1.05
 
 
 def test_without_weight_features_change_nothing():
@@ -289,33 +257,22 @@ def test_a_fit_above_the_best_mobius_map_is_not_returned():
     """No steps, and a field to start from that helps nothing."""
     start = 0.6 * np.exp(9j * MOVING.centroids.real)
     fit = fit_registration(
-        no_landmarks(),
-        Weights(delta=0.3),
-        features_of(TWIST),
-        start,
-        levels=[Level(8, 4.0, 0, True)],
+        no_landmarks(), Weights(delta=0.3), features_of(TWIST), start, levels=[Level(8, 4.0, 0, True)]
     )
     np.testing.assert_allclose(fit.f, MOVING.z, atol=1e-12)
     assert fit.fallbacks == ("the fit ended above the best Möbius map: that map is returned",)
 
 
 def test_an_objective_that_is_no_number_is_not_below(monkeypatch):
-    monkeypatch.setattr(
-        "qclearn.registration.gauss_newton.GaussNewtonObjective.value", lambda *_: np.nan
-    )
+    monkeypatch.setattr("qclearn.registration.gauss_newton.GaussNewtonObjective.value", lambda *_: np.nan)
     levels = [Level(8, 4.0, 0, True)]
     fit = fit_registration(no_landmarks(), Weights(delta=0.3), features_of(TWIST), levels=levels)
     assert fit.fallbacks == ("the fit ended above the best Möbius map: that map is returned",)
 
 
-@pytest.mark.parametrize(
-    "plain, fitted, words", [(1, 1, "that"), (0, 0, "that"), (1, 0, "that"), (0, 1, "kept")]
-)
+@pytest.mark.parametrize("plain, fitted, words", [(1, 1, "that"), (0, 0, "that"), (1, 0, "that"), (0, 1, "kept")])
 def test_a_mobius_map_that_alone_folds_the_mesh_is_not_returned(twisted, plain, fitted, words):
-    mobius_map, fit = (
-        replace(twisted, bijective=bool(plain)),
-        replace(twisted, bijective=bool(fitted)),
-    )
+    mobius_map, fit = (replace(twisted, bijective=bool(plain)), replace(twisted, bijective=bool(fitted)))
     found = instead(fit, mobius_map)
     assert found.bijective == bool(plain or fitted)
     assert found.fallbacks[-1].startswith(f"the fit ended above the best Möbius map: {words}")
@@ -327,9 +284,7 @@ def test_features_without_weight_are_refused():
 
 
 def test_a_large_delta_is_told():
-    fit = fit_registration(
-        no_landmarks(), Weights(delta=11.0), features_of(TWIST), levels=[Level(8, 16.0, 1, True)]
-    )
+    fit = fit_registration(no_landmarks(), Weights(delta=11.0), features_of(TWIST), levels=[Level(8, 16.0, 1, True)])
     assert fit.fallbacks == ("delta = 11 overfits: choose it by held-out curves",)
 
 

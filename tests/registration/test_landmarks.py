@@ -6,17 +6,11 @@ import sys
 
 import numpy as np
 import pytest
-from known_surfaces import distance_to_floor, grooved_sphere, icosphere, longitudes, sheet
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from qclearn.registration.curves import (
-    detect_curves,
-    fundus_metric,
-    fundus_path,
-    resample,
-    sample_curve,
-)
+from known_surfaces import distance_to_floor, grooved_sphere, icosphere, longitudes, sheet
+from qclearn.registration.curves import detect_curves, fundus_metric, fundus_path, resample, sample_curve
 from qclearn.registration.problem import LandmarkError
 from qclearn.surfaces.surface import Surface
 
@@ -57,9 +51,7 @@ def test_samples_are_equally_spaced_in_space_and_keep_the_ends():
     rise = np.maximum(along - 0.5, 0) / np.sqrt(5)
     expected = np.stack([np.minimum(along, 0.5) + rise, 0 * along, 2 * rise], axis=1)
     np.testing.assert_allclose(samples, expected, atol=1e-12)
-    np.testing.assert_allclose(
-        sample_curve(surface, row()[::-1], 12) @ surface.vertices, expected[::-1], atol=1e-12
-    )
+    np.testing.assert_allclose(sample_curve(surface, row()[::-1], 12) @ surface.vertices, expected[::-1], atol=1e-12)
 
 
 def test_samples_of_any_field_are_those_at_the_same_places_of_the_path():
@@ -80,9 +72,7 @@ def test_samples_of_any_field_are_those_at_the_same_places_of_the_path():
 def test_two_vertices_make_a_curve_of_ten_points():
     surface = steep()
     samples = sample_curve(surface, [0, 60]) @ surface.vertices
-    np.testing.assert_allclose(
-        samples, np.linspace(surface.vertices[0], surface.vertices[60], 10), atol=1e-15
-    )
+    np.testing.assert_allclose(samples, np.linspace(surface.vertices[0], surface.vertices[60], 10), atol=1e-15)
 
 
 @pytest.mark.parametrize("path, message", BAD_PATHS)
@@ -143,9 +133,7 @@ def test_the_path_follows_the_groove_and_not_the_short_way(groove):
 
 @pytest.mark.parametrize("dropped", ["sulcal_depth", "mean_curvature"])
 def test_depth_alone_and_curvature_alone_find_the_groove(groove, dropped, monkeypatch):
-    monkeypatch.setattr(
-        f"qclearn.registration.curves.{dropped}", lambda surface: np.zeros(len(surface.vertices))
-    )
+    monkeypatch.setattr(f"qclearn.registration.curves.{dropped}", lambda surface: np.zeros(len(surface.vertices)))
     surface, ends = groove
     assert distance_to_floor(surface.vertices[fundus_path(surface, *ends)]).max() < 0.077
 
@@ -154,9 +142,7 @@ def test_a_path_is_a_chain_of_edges_and_the_same_both_ways(groove):
     surface, ends = groove
     path = fundus_path(surface, *ends)
     steps = np.sort(np.stack([path[:-1], path[1:]], axis=1), axis=1)
-    assert {tuple(step) for step in steps.tolist()} <= {
-        tuple(edge) for edge in surface.edges.tolist()
-    }
+    assert {tuple(step) for step in steps.tolist()} <= {tuple(edge) for edge in surface.edges.tolist()}
     np.testing.assert_array_equal(fundus_path(surface, *ends[::-1]), path[::-1])
 
 
@@ -193,7 +179,5 @@ def test_lists_nested_without_end_are_refused_where_python_would_recurse_on(tmp_
     (tmp_path / "deep.json").write_text("[" * 200_000)
     program = "import sys; sys.setrecursionlimit(10**6); from qclearn.registration.curves import read_landmarks; "
     program += "read_landmarks('deep.json')"
-    found = subprocess.run(
-        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
+    found = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert "LandmarkError: deep.json: lists nested too deeply" in found.stderr.splitlines()[-1]

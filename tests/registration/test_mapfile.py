@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from freesurfer import GEOMETRY
 
+from freesurfer import GEOMETRY
 from qclearn.io.frames import Frame
 from qclearn.plane.grids import polar_disk
 from qclearn.registration.transfer import (
@@ -31,9 +31,7 @@ def arrays():
         "faces_control": faces,
         "points": np.zeros((len(z), 3)),
         "mu": np.zeros(len(faces), complex),
-        **side_arrays(
-            "moving", SimpleNamespace(vertices=np.ones((len(z), 3)), original_vertices=TABLE), FRAME
-        ),
+        **side_arrays("moving", SimpleNamespace(vertices=np.ones((len(z), 3)), original_vertices=TABLE), FRAME),
         "mirrored": np.array(True),
     }
 
@@ -44,9 +42,7 @@ def test_it_keeps_what_the_files_said_and_one_of_format_1_is_still_read(tmp_path
     assert frame_of_side(kept, "moving") == FRAME and kept["mirrored"]
     assert numbering_of_side(kept, "moving").known and not numbering_of_side(kept, "control").known
     np.testing.assert_array_equal(frame_of_side(kept, "moving").whole, FRAME.whole)
-    old = {
-        name: arrays[name] for name in ("disk_map", "disk_control", "faces_moving", "faces_control")
-    }
+    old = {name: arrays[name] for name in ("disk_map", "disk_control", "faces_moving", "faces_control")}
     np.savez(tmp_path / "r.npz", **old, format_version=1)
     with pytest.raises(SurfaceError, match="older version.*run `qclearn register` again"):
         read_registration(tmp_path / "r.npz", surfaces=True)

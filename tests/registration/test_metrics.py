@@ -29,20 +29,14 @@ def measured(mu, mapped=POINTS, weights=(1.0, 1.0, 1.0)):
 
 def test_a_constant_coefficient_has_no_gradient():
     found = measured(np.full(len(FACES), 0.3 - 0.4j))
-    assert (
-        found["L_mu"] == pytest.approx(0.25, rel=2e-3)
-        and found["L_grad_mu"] < 1e-12
-        and found["L_Landmark"] == 0
-    )
+    assert found["L_mu"] == pytest.approx(0.25, rel=2e-3) and found["L_grad_mu"] < 1e-12 and found["L_Landmark"] == 0
 
 
 def test_linear_coefficients_have_the_gradient_of_their_slope():
     """|grad (a z + b conj z)|^2 = 2 |a|^2 + 2 |b|^2 and the mean of |z|^2 over the disk is 1/2."""
     for mu, slope in ((0.5 * CENTRES, 0.5), (0.3j * CENTRES.conj(), 0.3)):
         found = measured(mu)
-        assert found["L_grad_mu"] == pytest.approx(
-            2 * slope**2, rel=0.03
-        )  # the averages at the rim lie inwards
+        assert found["L_grad_mu"] == pytest.approx(2 * slope**2, rel=0.03)  # the averages at the rim lie inwards
         assert found["L_mu"] == pytest.approx(slope**2 / 2, rel=5e-3)
 
 
@@ -51,9 +45,7 @@ def test_the_sum_is_weighted_and_landmarks_count_by_their_squared_distance():
     one, weighted = measured(mu, POINTS + off), measured(mu, POINTS + off, (2.0, 0.1, 1e4))
     assert one["L_Landmark"] == pytest.approx(np.mean(abs(off) ** 2))
     assert one["L_CP"] == pytest.approx(one["L_mu"] + one["L_grad_mu"] + one["L_Landmark"])
-    assert weighted["L_CP"] == pytest.approx(
-        2 * one["L_mu"] + 0.1 * one["L_grad_mu"] + 1e4 * one["L_Landmark"]
-    )
+    assert weighted["L_CP"] == pytest.approx(2 * one["L_mu"] + 0.1 * one["L_grad_mu"] + 1e4 * one["L_Landmark"])
 
 
 def test_the_losses_are_those_that_networks_are_trained_with():
@@ -70,9 +62,7 @@ def test_the_losses_are_those_that_networks_are_trained_with():
         Weights(2.0, 0.1, 1e4),
         shares=faces,
     )
-    assert measured(mu, mapped, (2.0, 0.1, 1e4))["L_CP"] == pytest.approx(
-        float(tensor[0]), rel=1e-12
-    )
+    assert measured(mu, mapped, (2.0, 0.1, 1e4))["L_CP"] == pytest.approx(float(tensor[0]), rel=1e-12)
 
 
 def test_rows_hold_means_curve_by_curve_and_their_mean_is_over_those_that_have_one():
@@ -109,9 +99,7 @@ def test_a_stretch_is_told_apart_into_area_and_shape():
     found = log2_distortions(flat, 3 * flat.vertices[:, [2, 0, 1]])
     quantiles = distortion_quantiles(flat, 3 * flat.vertices[:, [2, 0, 1]])
     assert found == {key: [pytest.approx(0, abs=1e-12)] * 2 for key in ("log2_area", "log2_shape")}
-    assert quantiles == {
-        key: dict.fromkeys(("50", "95", "100"), pytest.approx(0, abs=1e-12)) for key in found
-    }
+    assert quantiles == {key: dict.fromkeys(("50", "95", "100"), pytest.approx(0, abs=1e-12)) for key in found}
     stretched = log2_distortions(flat, flat.vertices * [2.0, 0.5, 1.0])
     assert stretched["log2_area"] == [pytest.approx(0, abs=1e-12)] * 2
     assert stretched["log2_shape"] == [pytest.approx(2)] * 2

@@ -74,14 +74,8 @@ def test_nothing_is_detected_where_all_is_given():
         (lambda line: line[:1], "leaves the disk"),
         (lambda line: line[:-1], "misses its endpoints"),
         (lambda line: line[::-1], "misses its endpoints"),
-        (
-            lambda line: np.concatenate([line[:9], [line[2] + 0.02j, line[2] - 0.02j], line[9:]]),
-            "crosses itself",
-        ),
-        (
-            lambda line: np.concatenate([line[:9], [line[9] * 1j], line[9:]]),
-            "crosses or touches 'other'",
-        ),
+        (lambda line: np.concatenate([line[:9], [line[2] + 0.02j, line[2] - 0.02j], line[9:]]), "crosses itself"),
+        (lambda line: np.concatenate([line[:9], [line[9] * 1j], line[9:]]), "crosses or touches 'other'"),
     ],
 )
 def test_a_curve_that_wanders_is_replaced_by_the_shortest_path(change, fault):
@@ -94,14 +88,8 @@ def test_a_curve_that_wanders_is_replaced_by_the_shortest_path(change, fault):
 
 def test_several_faults_and_of_two_detected_curves_that_cross_both_are_replaced():
     crossed = [np.array([spoke(0)[-1], spoke(20)[-1]]), np.array([spoke(10)[-1], spoke(30)[-1]])]
-    entries = [
-        entry("one", crossed[0], True),
-        entry("two", crossed[1], True),
-        entry("apart", spoke(36), True),
-    ]
-    lines, fallbacks = guarded(
-        straight(lambda line: line[: len(line) - (line[0] == Z[spoke(36)[0]])]), entries
-    )
+    entries = [entry("one", crossed[0], True), entry("two", crossed[1], True), entry("apart", spoke(36), True)]
+    lines, fallbacks = guarded(straight(lambda line: line[: len(line) - (line[0] == Z[spoke(36)[0]])]), entries)
     for line, path in zip(lines, [*crossed, spoke(36)], strict=True):
         np.testing.assert_array_equal(line, detect_curves(BOWL, Z, [path[[0, -1]]])[0])
     assert fallbacks == [
@@ -120,9 +108,7 @@ def test_curves_that_meet_in_an_endpoint_do_not_cross():
 def test_filling_keeps_the_polyline():
     line = np.array([0, 0.5, 0.5 + 0.2j, -0.1j])
     filled = fill(line)
-    assert len(filled) >= 256 and abs(np.diff(filled)).sum() == pytest.approx(
-        abs(np.diff(line)).sum()
-    )
+    assert len(filled) >= 256 and abs(np.diff(filled)).sum() == pytest.approx(abs(np.diff(line)).sum())
     np.testing.assert_array_equal(filled[:: (len(filled) - 1) // 3], line)
 
 
@@ -131,15 +117,8 @@ def test_the_exact_map_of_no_coefficient_is_the_mobius_map():
     q = mobius(p, 0.2 + 0.1j, 0.7)
     problem = Problem(DISK, p, q)
     fit = exact_map(problem, np.zeros(len(FACES), complex))
-    assert fit.mobius[0] == pytest.approx(0.2 + 0.1j, abs=2e-3) and fit.mobius[1] == pytest.approx(
-        0.7, abs=5e-3
-    )
-    assert (
-        fit.bijective
-        and fit.fallbacks == ()
-        and fit.landmark_error < 3e-3
-        and abs(fit.mu).max() < 0.05
-    )
+    assert fit.mobius[0] == pytest.approx(0.2 + 0.1j, abs=2e-3) and fit.mobius[1] == pytest.approx(0.7, abs=5e-3)
+    assert fit.bijective and fit.fallbacks == () and fit.landmark_error < 3e-3 and abs(fit.mu).max() < 0.05
     np.testing.assert_allclose(fit.f, moved_map(problem, Z).f, atol=1e-6)
 
 

@@ -43,9 +43,7 @@ def test_fields_and_their_coefficients(spectrum):
     assert abs(nu[0] - nu[1:37].mean()) < 1e-14
     assert abs((spectrum.areas * abs(nu[1:]) ** 2).sum() / np.pi - (abs(c) ** 2).sum()) < 1e-9
     g = rng.normal(size=(3, len(nu), 2)) @ [1, 1j]  # gradients: Re conj(g) nu = Re conj(E^* g) c
-    np.testing.assert_allclose(
-        (g.conj() @ nu).real, (spectrum.gradients(g).conj() @ c).real, atol=1e-10
-    )
+    np.testing.assert_allclose((g.conj() @ nu).real, (spectrum.gradients(g).conj() @ c).real, atol=1e-10)
 
 
 def test_the_first_step_is_that_of_the_fit(spectrum):
@@ -53,12 +51,9 @@ def test_the_first_step_is_that_of_the_fit(spectrum):
     q = mobius(q, *best_mobius(q, p))
     coefficient_mesh = CoefficientMesh(spectrum.mesh, spectrum.mesh)
     newton = GaussNewtonObjective(
-        Discretization(Problem(Disk(*polar_disk(12, 36, 1.4)), p, q), coefficient_mesh, own=False),
-        Weights(1.0, 0.1),
+        Discretization(Problem(Disk(*polar_disk(12, 36, 1.4)), p, q), coefficient_mesh, own=False), Weights(1.0, 0.1)
     )
-    change, *_ = newton.linearise(
-        newton.at(np.zeros(len(spectrum.mesh.z), complex), (0j, 0.0)), 1e3
-    ).propose()
+    change, *_ = newton.linearise(newton.at(np.zeros(len(spectrum.mesh.z), complex), (0j, 0.0)), 1e3).propose()
     nu, wanted, left = CoefficientRefinement(coefficient_mesh, spectrum, (p, q), 0.1, 1e3).born()
     assert abs(nu - change)[1:].max() < 0.1 * abs(change).max()
     assert np.linalg.norm(left) < 0.8 * np.linalg.norm(wanted)
@@ -66,39 +61,26 @@ def test_the_first_step_is_that_of_the_fit(spectrum):
 
 
 @pytest.mark.parametrize("turn, beta, gamma", [(0.25, 0.1, 1e3), (0.5, 1e-2, 1e4)])
-def test_two_iterations_end_where_the_fit_does(
-    coefficient_mesh, spectrum, monkeypatch, turn, beta, gamma
-):
+def test_two_iterations_end_where_the_fit_does(coefficient_mesh, spectrum, monkeypatch, turn, beta, gamma):
     p, q = twisted(turn)
     problem, weights = Problem(coefficient_mesh.disk, p, q), Weights(1.0, beta, gamma)
     fit, solve, solved = fit_problem(problem, weights), coefficient_mesh.solver.solve, []
     monkeypatch.setattr(coefficient_mesh.solver, "solve", lambda mu: solved.append(mu) or solve(mu))
-    stages = list(
-        CoefficientRefinement(coefficient_mesh, spectrum, (p, q), beta, gamma).run(None, 2)
-    )
+    stages = list(CoefficientRefinement(coefficient_mesh, spectrum, (p, q), beta, gamma).run(None, 2))
     assert len(solved) == 2  # one exact map per iteration, and no fit
 
     def loss(found):
         return measured_losses(problem, weights, found.mu, problem.samples @ found.f)["L_CP"]
 
-    losses = [
-        loss(exact_map(problem, coefficient_mesh.coefficient(proposal.nu))) / loss(fit)
-        for proposal, _ in stages
-    ]
+    losses = [loss(exact_map(problem, coefficient_mesh.coefficient(proposal.nu))) / loss(fit) for proposal, _ in stages]
     assert losses[2] < 1.03 and losses[0] > 1.02 * losses[2], losses
 
 
-def test_no_step_is_longer_than_allowed_and_none_is_kept_that_raises_the_objective(
-    coefficient_mesh, spectrum
-):
+def test_no_step_is_longer_than_allowed_and_none_is_kept_that_raises_the_objective(coefficient_mesh, spectrum):
     """Curves that are to change their places: no bijection is near, and the whole step would be of
     size 100."""
     p, _ = twisted(0.0)
-    stages = list(
-        CoefficientRefinement(coefficient_mesh, spectrum, (p, np.roll(p, 6)), 1e-3, 1e5).run(
-            None, 4
-        )
-    )
+    stages = list(CoefficientRefinement(coefficient_mesh, spectrum, (p, np.roll(p, 6)), 1e-3, 1e5).run(None, 4))
     best = [iterate.objective for _, iterate in stages]
     assert all(after < refinement.RISE * before for before, after in pairwise(best))
     assert all(np.isfinite(proposal.nu).all() for proposal, _ in stages)
@@ -118,9 +100,7 @@ def test_what_raises_the_objective_is_taken_back(coefficient_mesh, spectrum):
 def test_few_landmarks_need_no_map(coefficient_mesh, spectrum, count):
     p, q = (points[:count] for points in twisted(0.3))
     q = mobius(p, 0.1 + 0.2j, 0.4)
-    for proposal, _ in CoefficientRefinement(coefficient_mesh, spectrum, (p, q), 1e-2, 1e5).run(
-        None, 1
-    ):
+    for proposal, _ in CoefficientRefinement(coefficient_mesh, spectrum, (p, q), 1e-2, 1e5).run(None, 1):
         assert abs(proposal.nu).max() < 1e-3
 
 
@@ -128,9 +108,7 @@ def test_the_answer_hardly_depends_on_the_mesh(spectrum):
     p, q = twisted(0.25)
     one, other = (
         list(
-            CoefficientRefinement(
-                CoefficientMesh(Disk(*mesh), spectrum.mesh), spectrum, (p, q), 0.1, 1e3
-            ).run(None, 1)
+            CoefficientRefinement(CoefficientMesh(Disk(*mesh), spectrum.mesh), spectrum, (p, q), 0.1, 1e3).run(None, 1)
         )[-1][0].nu
         for mesh in (polar_disk(16, 48, 1.4), square_disk(32))
     )

@@ -7,13 +7,12 @@ from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
-import meshes
 import numpy as np
 import pytest
-from known_surfaces import grooved_sphere
-from reports import REPORT
 from scipy.spatial.transform import Rotation
 
+import meshes
+from known_surfaces import grooved_sphere
 from qclearn.plane.beltrami import beltrami_coefficient, solve_beltrami_disk
 from qclearn.plane.bijectivity import BijectivityError, check_bijective
 from qclearn.plane.checks import BeltramiError
@@ -26,6 +25,7 @@ from qclearn.registration.problem import LandmarkError, Weights
 from qclearn.registration.transfer import transfer
 from qclearn.surfaces.conformal import ParameterizedSurface, disk_conformal_map
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror
+from reports import REPORT
 
 register = partial(pipeline.register, features=None)  # bowls have no folds
 bowl = partial(meshes.bowl, rings=14, lean=0.4)
@@ -38,10 +38,7 @@ def spoke(angle, rings=14, first=2, last=9):
 
 def entries(turn, **more):
     """Three spokes, on the control side turned by `turn` vertices."""
-    return [
-        {"name": f"spoke {k}", "moving": spoke(14 * k), "control": spoke(14 * k + turn), **more}
-        for k in range(3)
-    ]
+    return [{"name": f"spoke {k}", "moving": spoke(14 * k), "control": spoke(14 * k + turn), **more} for k in range(3)]
 
 
 def moved(surface):
@@ -72,9 +69,7 @@ def test_mirrored_surfaces_are_registered_alike():
     moving, control = bowl(0.6), bowl(0.9)
     usual = register(moving, control, entries(1))
     seen = register(mirror(moving), mirror(control), entries(1))
-    np.testing.assert_allclose(
-        seen.points, mirror(Surface(usual.points, moving.faces)).vertices, atol=2e-2
-    )
+    np.testing.assert_allclose(seen.points, mirror(Surface(usual.points, moving.faces)).vertices, atol=2e-2)
 
 
 def test_landmarks_are_met_and_the_report_measures_what_it_says(turned):
@@ -82,17 +77,10 @@ def test_landmarks_are_met_and_the_report_measures_what_it_says(turned):
     report = result.report
     p, q = (
         np.concatenate([sample_curve(surface, entry[side]) @ z for entry in curves])
-        for surface, z, side in (
-            (moving, result.disk_moving, "moving"),
-            (control, result.disk_control, "control"),
-        )
+        for surface, z, side in ((moving, result.disk_moving, "moving"), (control, result.disk_control, "control"))
     )
-    mapped = np.concatenate(
-        [sample_curve(moving, entry["moving"]) @ result.disk_map for entry in curves]
-    )
-    space = np.concatenate(
-        [sample_curve(control, entry["control"]) @ control.vertices for entry in curves]
-    )
+    mapped = np.concatenate([sample_curve(moving, entry["moving"]) @ result.disk_map for entry in curves])
+    space = np.concatenate([sample_curve(control, entry["control"]) @ control.vertices for entry in curves])
     before = abs(mobius(p, *best_mobius(p, q)) - q).mean()
     assert report["landmark_error_before"] == pytest.approx(before)
     assert report["landmark_error"] == pytest.approx(abs(mapped - q).mean(), rel=1e-6)
@@ -100,17 +88,13 @@ def test_landmarks_are_met_and_the_report_measures_what_it_says(turned):
     there = ParameterizedSurface(control, Disk(result.disk_control, control.faces)).lift(mapped)
     millimetres = np.linalg.norm(there - space, axis=1).mean()
     assert report["landmark_error_mm"] == pytest.approx(millimetres)
-    assert report["landmark_error"] == pytest.approx(
-        np.mean([row["landmark_error"] for row in report["curves"]])
-    )
+    assert report["landmark_error"] == pytest.approx(np.mean([row["landmark_error"] for row in report["curves"]]))
     assert [row["name"] for row in report["curves"]] == ["spoke 0", "spoke 1", "spoke 2"]
 
 
 def test_mu_is_measured_on_the_moving_disk_and_its_statistics_are_over_faces(turned):
     result, moving, _, _ = turned
-    np.testing.assert_array_equal(
-        result.mu, beltrami_coefficient(result.disk_moving, moving.faces, result.disk_map)
-    )
+    np.testing.assert_array_equal(result.mu, beltrami_coefficient(result.disk_moving, moving.faces, result.disk_map))
     size = abs(result.mu)
     found = [result.report[key] for key in ("mean_abs_mu", "sd_abs_mu", "max_abs_mu")]
     assert found == pytest.approx([size.mean(), size.std(), size.max()]) and size.max() < 1
@@ -123,9 +107,7 @@ def test_the_map_is_certified_and_lands_on_the_control(turned):
     Surface(result.points, moving.faces)
     assert result.report["degenerate"] == 0
     rim = result.points[moving.boundary]
-    assert (
-        abs(np.hypot(rim[:, 0], rim[:, 1]) - 1).max() < 0.01
-    )  # on the control's own rim, between its vertices
+    assert abs(np.hypot(rim[:, 0], rim[:, 1]) - 1).max() < 0.01  # on the control's own rim, between its vertices
     np.testing.assert_allclose(abs(result.disk_map[moving.boundary]), 1, atol=1e-12)
 
 
@@ -134,16 +116,9 @@ def test_the_report_has_the_agreed_keys_and_is_json(turned):
     assert set(report) >= REPORT and set(report) - REPORT == {"curves"}
     assert json.loads(json.dumps(report, allow_nan=False)) == report
     assert report["fallbacks"] == report["suspect"] == [] and report["method"] == "exact"
-    assert [report[name] for name in ("alpha", "beta", "gamma")] == [
-        Weights.alpha,
-        Weights.beta,
-        Weights.gamma,
-    ]
+    assert [report[name] for name in ("alpha", "beta", "gamma")] == [Weights.alpha, Weights.beta, Weights.gamma]
     stages = dict(report["seconds"])
-    assert (
-        stages.pop("total") == pytest.approx(sum(stages.values()), abs=1e-3)
-        and min(stages.values()) >= 0
-    )
+    assert stages.pop("total") == pytest.approx(sum(stages.values()), abs=1e-3) and min(stages.values()) >= 0
 
 
 def test_the_moving_disk_is_turned_to_the_control(turned):
@@ -151,10 +126,7 @@ def test_the_moving_disk_is_turned_to_the_control(turned):
     result, moving, control, curves = turned
     p, q = (
         np.concatenate([sample_curve(surface, entry[side]) @ z for entry in curves])
-        for surface, z, side in (
-            (moving, result.disk_moving, "moving"),
-            (control, result.disk_control, "control"),
-        )
+        for surface, z, side in ((moving, result.disk_moving, "moving"), (control, result.disk_control, "control"))
     )
     assert abs(p - q).mean() == pytest.approx(result.report["landmark_error_before"], rel=1e-3)
 
@@ -168,9 +140,7 @@ def test_a_sulcus_is_detected_where_only_its_ends_are_given():
     detected = register(surface, moved(surface), curves[:1], gamma=1e3)
     moving, control = detected.curves["groove"]
     assert (
-        len(moving) > 30
-        and moving[0] == detected.disk_moving[ends[0]]
-        and moving[-1] == detected.disk_moving[ends[1]]
+        len(moving) > 30 and moving[0] == detected.disk_moving[ends[0]] and moving[-1] == detected.disk_moving[ends[1]]
     )
     np.testing.assert_allclose(control, moving, atol=0.02)
     plain = register(surface, moved(surface), curves[1:], gamma=1e3)
@@ -192,10 +162,7 @@ def test_curves_that_meet_on_both_sides_share_a_landmark():
 def test_curves_that_meet_on_one_side_only_are_refused(side):
     curves = entries(0)
     curves[1][side] = curves[0][side][::-1]
-    with pytest.raises(
-        LandmarkError,
-        match=f"'spoke 0' and 'spoke 1' share a point on the {side} side only.*let them",
-    ):
+    with pytest.raises(LandmarkError, match=f"'spoke 0' and 'spoke 1' share a point on the {side} side only.*let them"):
         register(bowl(0.6), bowl(0.9), curves)
 
 
@@ -211,21 +178,13 @@ def test_wrong_landmarks_are_told_before_anything_is_fitted(monkeypatch):
     curves = entries(1)
     curves[1]["control"] = curves[1]["control"][::-1]
     fitted = register(bowl(0.6), bowl(0.9), curves, accept_suspect=True).report
-    monkeypatch.setattr(
-        "qclearn.registration.register.fit_with_fallbacks", None
-    )  # a fit would raise
+    monkeypatch.setattr("qclearn.registration.register.fit_with_fallbacks", None)  # a fit would raise
     held = [*curves, {"name": "held", "moving": spoke(9), "control": spoke(9)}]
     result = register(bowl(0.6), bowl(0.9), held, uncertainty=False, hold_out=["held"])
     report = result.report
     assert report["stopped"].startswith("the landmarks are wrong") and fitted["stopped"] is None
-    assert report["suspect"] == fitted["suspect"][:1] and report["suspect"][0].startswith(
-        "reversed: 'spoke 1' fits"
-    )
-    assert (
-        report["bijective"]
-        and report["flipped"] == 0
-        and report["held_out_mm"] == report["r"] == {}
-    )
+    assert report["suspect"] == fitted["suspect"][:1] and report["suspect"][0].startswith("reversed: 'spoke 1' fits")
+    assert report["bijective"] and report["flipped"] == 0 and report["held_out_mm"] == report["r"] == {}
     np.testing.assert_array_equal(result.disk_map, result.disk_moving)
     assert json.loads(json.dumps(report, allow_nan=False)) == report
 
@@ -234,14 +193,11 @@ def test_impossible_landmarks_leave_an_error_and_a_certified_map():
     """Six neighbouring spokes, to be moved by five steps to either side in turn: they would have to
     pass each other."""
     curves = [
-        {"name": f"{k}", "moving": spoke(2 * k), "control": spoke(2 * k + (5 if k % 2 else -5))}
-        for k in range(6)
+        {"name": f"{k}", "moving": spoke(2 * k), "control": spoke(2 * k + (5 if k % 2 else -5))} for k in range(6)
     ]
     report = register(bowl(0.6), bowl(0.6), curves, accept_suspect=True).report
     assert report["bijective"] and report["flipped"] == 0 and report["max_abs_mu"] < 1
-    assert report["landmark_error"] > 0.05 and any(
-        "rows switched" in word for word in report["fallbacks"]
-    )
+    assert report["landmark_error"] > 0.05 and any("rows switched" in word for word in report["fallbacks"])
     assert any(reason.startswith("rows: ") for reason in report["suspect"])
 
 
@@ -252,11 +208,7 @@ def folding_above(monkeypatch):
     def limit(largest):
         def folding(problem, weights, *rest, **more):
             fit = fit_problem(problem, weights, *rest, **more)
-            return (
-                fit
-                if weights.gamma <= largest
-                else replace(fit, bijective=False, flipped=np.array([7]))
-            )
+            return fit if weights.gamma <= largest else replace(fit, bijective=False, flipped=np.array([7]))
 
         monkeypatch.setattr("qclearn.registration.fit.fit_problem", folding)
 
@@ -272,8 +224,7 @@ def test_where_the_fit_folds_gamma_is_lowered_and_the_report_says_so(folding_abo
 def test_a_fit_that_folds_at_every_gamma_is_refused(folding_above):
     folding_above(0)
     with pytest.raises(
-        BijectivityError,
-        match=r"down to gamma = 10 \(1 faces flipped\); check that no two curves cross",
+        BijectivityError, match=r"down to gamma = 10 \(1 faces flipped\); check that no two curves cross"
     ):
         register(bowl(0.6), bowl(0.9), entries(0), gamma=1e5)
 
@@ -282,13 +233,8 @@ def test_sliding_costs_less_distortion():
     """Targets spaced anew along the same spokes: by arc length the points move, as curves they need
     not."""
     moving, control = bowl(0.6), bowl(0.6)
-    curves = [
-        entry | {"control": spoke(14 * k, first=2, last=10)} for k, entry in enumerate(entries(0))
-    ]
-    points, curved = (
-        register(moving, control, curves, sliding=sliding, gamma=1e3).report
-        for sliding in (False, True)
-    )
+    curves = [entry | {"control": spoke(14 * k, first=2, last=10)} for k, entry in enumerate(entries(0))]
+    points, curved = (register(moving, control, curves, sliding=sliding, gamma=1e3).report for sliding in (False, True))
     assert curved["mean_abs_mu"] < points["mean_abs_mu"]
 
 
@@ -304,18 +250,10 @@ def test_detected_curves_are_measured_against_the_true_ones_where_the_surfaces_c
     result = register(moving, control, curves)
     found, unknown = result.report["curves"]
     p, q = (
-        sample_curve(surface, bent) @ z
-        for surface, z in ((moving, result.disk_map), (control, result.disk_control))
+        sample_curve(surface, bent) @ z for surface, z in ((moving, result.disk_map), (control, result.disk_control))
     )
-    assert (
-        found["landmark_error_true"] == pytest.approx(abs(p - q).mean())
-        and "landmark_error_true" not in unknown
-    )
-    assert (
-        result.report["landmark_error_true"]
-        == found["landmark_error_true"]
-        > 2 * found["landmark_error"]
-    )
+    assert found["landmark_error_true"] == pytest.approx(abs(p - q).mean()) and "landmark_error_true" not in unknown
+    assert result.report["landmark_error_true"] == found["landmark_error_true"] > 2 * found["landmark_error"]
 
 
 # With networks, for which stand-ins serve here
@@ -340,14 +278,9 @@ def folding_solve(z, faces, mu):
 def networks(monkeypatch):
     """Puts stand-ins in the networks' places; the exact twin where none is named."""
 
-    def install(
-        detect=detect_curves, predict=exact_predict, solve=solve_beltrami_disk, most=np.inf
-    ):
+    def install(detect=detect_curves, predict=exact_predict, solve=solve_beltrami_disk, most=np.inf):
         blocks = SimpleNamespace(
-            detect=detect,
-            predict=predict,
-            solve=solve,
-            gamma_used=lambda weights: min(weights.gamma, most),
+            detect=detect, predict=predict, solve=solve, gamma_used=lambda weights: min(weights.gamma, most)
         )
         monkeypatch.setattr("qclearn.nets.load", lambda name: blocks)
 
@@ -376,9 +309,7 @@ def test_exact_twins_behind_the_networks_calls_need_no_fallback(networks, pair, 
     networks(predict=predict)
     result = by_networks(pair, alpha=2.0, beta=0.1, gamma=1e4)
     report = result.report
-    assert seen == [
-        (30, 30, [0] * 10 + [1] * 10 + [2] * 10, {"alpha": 2.0, "beta": 0.1, "gamma": 1e4})
-    ]
+    assert seen == [(30, 30, [0] * 10 + [1] * 10 + [2] * 10, {"alpha": 2.0, "beta": 0.1, "gamma": 1e4})]
     assert report["fallbacks"] == [] and report["bijective"] and report["method"] == "network"
     assert list(report["seconds"]) == [
         "load",
@@ -396,13 +327,9 @@ def test_exact_twins_behind_the_networks_calls_need_no_fallback(networks, pair, 
     assert REPORT | {"curves", "tolerance"} == set(report) and report["tolerance"] == 5e-3
     assert json.loads(json.dumps(report, allow_nan=False)) == report
     assert report["landmark_error"] < 2e-3 and report["landmark_error_before"] > 2e-2
-    np.testing.assert_array_equal(
-        result.mu, beltrami_coefficient(result.disk_moving, pair[0].faces, result.disk_map)
-    )
+    np.testing.assert_array_equal(result.mu, beltrami_coefficient(result.disk_moving, pair[0].faces, result.disk_map))
     before = turned[0].report["landmark_error_before"]
-    assert report["landmark_error_before"] == pytest.approx(
-        before, rel=1e-9
-    )  # the same curves, filled up
+    assert report["landmark_error_before"] == pytest.approx(before, rel=1e-9)  # the same curves, filled up
 
 
 def test_the_mobius_part_is_found_after_the_network(networks, pair):
@@ -414,9 +341,7 @@ def test_the_mobius_part_is_found_after_the_network(networks, pair):
     np.testing.assert_allclose(
         other.disk_map, usual.disk_map, atol=2e-4
     )  # the mesh's: maps are linear between vertices
-    (a, theta), (b, phi) = (
-        (complex(*r.report["mobius"]["a"]), r.report["mobius"]["theta"]) for r in (usual, other)
-    )
+    (a, theta), (b, phi) = ((complex(*r.report["mobius"]["a"]), r.report["mobius"]["theta"]) for r in (usual, other))
     there = compose_mobius((0.2 - 0.1j, 1.0), (b, phi))
     assert there[0] == pytest.approx(a, abs=1e-3) and there[1] == pytest.approx(theta, abs=1e-3)
 
@@ -425,17 +350,10 @@ def test_the_mobius_part_is_found_after_the_network(networks, pair):
 def test_what_networks_find_is_suspect_for_the_same_reasons(networks, pair):
     networks()
     moving, control, curves = pair
-    swapped = [
-        curves[0] | {"moving": curves[1]["moving"]},
-        curves[1] | {"moving": curves[0]["moving"]},
-        curves[2],
-    ]
+    swapped = [curves[0] | {"moving": curves[1]["moving"]}, curves[1] | {"moving": curves[0]["moving"]}, curves[2]]
     assert by_networks(pair).report["suspect"] == []
     exact = register(moving, control, swapped, accept_suspect=True).report["suspect"]
-    assert (
-        by_networks((moving, control, swapped), accept_suspect=True).report["suspect"][0]
-        == exact[0]
-    )
+    assert by_networks((moving, control, swapped), accept_suspect=True).report["suspect"][0] == exact[0]
     assert exact[0].startswith("swapped: 'spoke 0' and 'spoke 1' fit")
 
 
@@ -443,10 +361,7 @@ def test_what_networks_find_is_suspect_for_the_same_reasons(networks, pair):
     "solve, words",
     [
         (folding_solve, r"DBS-Net's map folded \d faces: exact solver"),
-        (
-            lambda z, faces, mu: np.full(len(z), np.nan + 0j),
-            "DBS-Net's map was not finite: exact solver",
-        ),
+        (lambda z, faces, mu: np.full(len(z), np.nan + 0j), "DBS-Net's map was not finite: exact solver"),
         (
             lambda z, faces, mu: solve_beltrami_disk(z, faces, mu).conj(),
             r"DBS-Net's map folded \d+ faces: exact solver",
@@ -458,9 +373,7 @@ def test_where_the_solver_network_folds_the_exact_solver_steps_in(networks, pair
     usual = by_networks(pair)
     networks(solve=solve)
     result = by_networks(pair)
-    assert len(result.report["fallbacks"]) == 1 and re.fullmatch(
-        words, result.report["fallbacks"][0]
-    )
+    assert len(result.report["fallbacks"]) == 1 and re.fullmatch(words, result.report["fallbacks"][0])
     np.testing.assert_allclose(result.disk_map, usual.disk_map, atol=1e-9)
     assert result.report["bijective"] and result.report["flipped"] == 0
 
@@ -474,9 +387,7 @@ def test_where_the_exact_solver_folds_too_its_rows_are_switched(networks, pair):
     folded, switched, above = result.report["fallbacks"]
     assert above == "the networks' map ended above the best Möbius map: that map is returned"
     assert result.report["landmark_error"] <= result.report["landmark_error_before"] * 1.01
-    assert folded.startswith("DBS-Net's map folded") and re.fullmatch(
-        r"\d+ rows switched", switched
-    )
+    assert folded.startswith("DBS-Net's map folded") and re.fullmatch(r"\d+ rows switched", switched)
     (reason,) = [reason for reason in result.report["suspect"] if reason.startswith("rows: ")]
     assert f"at {switched.split()[0]} of 589 vertices" in reason
     assert check_bijective(result.disk_moving, pair[0].faces, result.disk_map).bijective
@@ -492,9 +403,7 @@ def test_where_the_landmarks_are_missed_steps_follow_until_the_tolerance(network
     for tolerance in (1e-2, 1e-3):
         report = by_networks(pair, tolerance=tolerance).report
         (words,) = report["fallbacks"]
-        found = re.fullmatch(
-            r"landmark error (\S+) above (\S+): (\d+) Gauss-Newton steps, to (\S+)", words
-        )
+        found = re.fullmatch(r"landmark error (\S+) above (\S+): (\d+) Gauss-Newton steps, to (\S+)", words)
         assert [float(found[k]) for k in (1, 2, 4)] == pytest.approx(
             [missed["landmark_error"], tolerance, report["landmark_error"]], rel=0.06
         )
@@ -514,9 +423,7 @@ def test_the_steps_begin_at_the_networks_coefficient(networks, pair, monkeypatch
     assert seen[0]["start"] is prediction and seen[0]["enough"] == pytest.approx(1.8e-3)
 
 
-def test_a_map_that_stays_folded_is_fitted_anew_and_gamma_lowered(
-    networks, pair, monkeypatch, folding_above
-):
+def test_a_map_that_stays_folded_is_fitted_anew_and_gamma_lowered(networks, pair, monkeypatch, folding_above):
     monkeypatch.setattr(
         "qclearn.registration.networks.exact_map",
         lambda *arguments: replace(exact_map(*arguments), bijective=False, flipped=np.arange(3)),
@@ -525,8 +432,7 @@ def test_a_map_that_stays_folded_is_fitted_anew_and_gamma_lowered(
     networks(solve=folding_solve)
     report = by_networks(pair, gamma=1e5).report
     assert re.fullmatch(
-        r"the exact solver's map folded 3 faces: \d+ Gauss-Newton steps, to \S+",
-        report["fallbacks"][1],
+        r"the exact solver's map folded 3 faces: \d+ Gauss-Newton steps, to \S+", report["fallbacks"][1]
     )
     assert report["fallbacks"][2:] == ["gamma lowered to 10000"] and report["bijective"]
 
@@ -540,19 +446,13 @@ def test_no_uncertified_map_is_returned(networks, pair, folding_above):
 
 def test_a_curve_that_wanders_is_replaced_and_the_report_says_so(networks):
     surface, ends = grooved_sphere()
-    networks(
-        lambda surface, z, ends: [line * np.nan for line in detect_curves(surface, z, ends)],
-        no_predict,
-    )
+    networks(lambda surface, z, ends: [line * np.nan for line in detect_curves(surface, z, ends)], no_predict)
     curves = [{"name": "groove", "moving": ends, "control": ends}]
     result = register(surface, surface, curves, method="network", tolerance=np.inf)
     # A surface to itself: the identity.
     above = "the networks' map ended above the best Möbius map: that map is returned"
     assert result.report["fallbacks"] == [
-        *[
-            f"LD-Net's {side} curve 'groove' leaves the disk: shortest path"
-            for side in ("moving", "control")
-        ],
+        *[f"LD-Net's {side} curve 'groove' leaves the disk: shortest path" for side in ("moving", "control")],
         above,
     ]
     for line, z in zip(result.curves["groove"], (result.disk_moving, result.disk_control)):
@@ -565,26 +465,16 @@ def test_a_coarse_curve_is_measured_along_the_surface(networks):
     surface = bowl(2.0)
     networks(detect=lambda surface, z, ends: [z[pair] for pair in ends])
     across = [spoke(0)[-1], spoke(21)[-1]]
-    result = register(
-        surface,
-        surface,
-        [{"name": "across", "moving": across, "control": across}],
-        method="network",
-    )
+    result = register(surface, surface, [{"name": "across", "moving": across, "control": across}], method="network")
     line = result.curves["across"][0]
     where = ParameterizedSurface(surface, Disk(result.disk_moving, surface.faces)).lift(line)
-    assert np.linalg.norm(np.diff(where, axis=0), axis=1).sum() > 1.3 * np.linalg.norm(
-        where[-1] - where[0]
-    )
+    assert np.linalg.norm(np.diff(where, axis=0), axis=1).sum() > 1.3 * np.linalg.norm(where[-1] - where[0])
 
 
 def test_the_shipped_networks_register(pair):
     """Whatever they propose for these bowls: what comes back is certified and within the tolerance."""
     moving, control, curves = pair
-    curves = [
-        curves[0],
-        curves[1] | {"moving": curves[1]["moving"][::6], "control": curves[1]["control"][::6]},
-    ]
+    curves = [curves[0], curves[1] | {"moving": curves[1]["moving"][::6], "control": curves[1]["control"][::6]}]
     report = register(moving, control, curves, method="network", gamma=1e4).report
     assert report["bijective"] and report["flipped"] == 0 and report["landmark_error"] <= 5e-3
     assert not any("answered for gamma" in word for word in report["fallbacks"])
@@ -613,14 +503,10 @@ def test_a_coefficient_out_of_range_is_refused(networks, pair, size):
 
 
 def test_without_torch_the_error_says_what_to_install(monkeypatch, pair):
-    for name in [
-        name for name in sys.modules if name.startswith(("qclearn.nets", "torch.", "safetensors"))
-    ]:
+    for name in [name for name in sys.modules if name.startswith(("qclearn.nets", "torch.", "safetensors"))]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "torch", None)
-    with pytest.raises(
-        ImportError, match=r"torch, which is not installed: pip install 'qclearn\[nets\]'"
-    ):
+    with pytest.raises(ImportError, match=r"torch, which is not installed: pip install 'qclearn\[nets\]'"):
         by_networks(pair)
 
 
@@ -629,10 +515,7 @@ def test_without_torch_the_error_says_what_to_install(monkeypatch, pair):
     [
         ({"tolerance": 1e-3}, "tolerance belongs to method 'network'"),
         ({"method": "network", "sliding": True}, "sliding belongs to method 'exact'"),
-        (
-            {"method": "network", "tolerance": 0.0},
-            "tolerance = 0.0: give a positive landmark error",
-        ),
+        ({"method": "network", "tolerance": 0.0}, "tolerance = 0.0: give a positive landmark error"),
         ({"method": "network", "tolerance": np.nan}, "tolerance = nan"),
     ],
 )
@@ -685,19 +568,13 @@ BAD_CURVES = [
     ("central sulcus", "hold no curves"),
     (None, "hold no curves"),
     ([7], "curve 0 has int"),
-    (
-        [CURVE, {"name": "b", "moving": [0, 5]}],
-        r"curve 1 has \['moving', 'name'\]; it needs name, moving, control",
-    ),
+    ([CURVE, {"name": "b", "moving": [0, 5]}], r"curve 1 has \['moving', 'name'\]; it needs name, moving, control"),
     ([CURVE | {"colour": "red"}], "curve 0 has .*'colour'.*may have detect"),
     ([CURVE | {"name": 3}], "curve 0: name must be text"),
     ([CURVE | {"detect": "no"}], "detect and hold_out true or false"),
     ([CURVE, CURVE], r"names used twice: \['a'\]; rename"),
     ([CURVE | {"moving": [0]}], "curve 'a', moving side: .*at least two vertex indices"),
-    (
-        [CURVE | {"control": [0, 999_999]}],
-        r"curve 'a', control side: .*out of range 0..588: \[999999\]",
-    ),
+    ([CURVE | {"control": [0, 999_999]}], r"curve 'a', control side: .*out of range 0..588: \[999999\]"),
     ([CURVE | {"control": [0, -1]}], r"curve 'a', control side: .*out of range"),
     ([CURVE | {"moving": [0.5, 2]}], "curve 'a', moving side: .*float64"),
     ([CURVE | {"moving": "central"}], "curve 'a', moving side"),
@@ -732,25 +609,16 @@ def test_bad_landmarks_files_are_refused(curves, message):
             bowl(0.6).fingerprint,
             r"another control surface .*: exchanged: they fit the moving surface; exchange MOVING",
         ),
-        (
-            "moving",
-            {"vertices": 589, "md5": "0"},
-            'surfaces, moving: give "vertices" and "sha256", and nothing else',
-        ),
+        ("moving", {"vertices": 589, "md5": "0"}, 'surfaces, moving: give "vertices" and "sha256", and nothing else'),
         ("moving", 589, "surfaces, moving: give"),
         ("both", {}, "'surfaces' must be"),
     ],
 )
 def test_landmarks_made_for_other_surfaces_are_refused(side, wanted, message):
-    curves = {
-        "curves": entries(0),
-        "surfaces": {"moving": bowl(0.6).fingerprint, "control": bowl(0.9).fingerprint},
-    }
+    curves = {"curves": entries(0), "surfaces": {"moving": bowl(0.6).fingerprint, "control": bowl(0.9).fingerprint}}
     check_curves(curves, bowl(0.6), bowl(0.9))
     with pytest.raises(LandmarkError, match=message):
-        check_curves(
-            curves | {"surfaces": curves["surfaces"] | {side: wanted}}, bowl(0.6), bowl(0.9)
-        )
+        check_curves(curves | {"surfaces": curves["surfaces"] | {side: wanted}}, bowl(0.6), bowl(0.9))
 
 
 def test_a_mirrored_surface_counts_as_the_one_that_landmarks_were_made_for():
@@ -766,8 +634,7 @@ def test_a_mirrored_surface_counts_as_the_one_that_landmarks_were_made_for():
             [3, 590],
             None,
             600,
-            " exchanged: or of the control surface, which has so many? then exchange MOVING and "
-            "CONTROL",
+            " exchanged: or of the control surface, which has so many? then exchange MOVING and CONTROL",
         ),
         ([3, 590], None, 20, ""),
         (
@@ -800,12 +667,8 @@ def test_two_vertices_are_endpoints_unless_the_file_says_otherwise():
 
 def test_a_constant_map_stays_constant_both_ways(turned):
     result, moving, control, _ = turned
-    there = transfer(
-        np.full(len(control.vertices), 2.5), result.disk_control, control.faces, result.disk_map
-    )
-    back = transfer(
-        np.full(len(moving.vertices), 2.5), result.disk_map, moving.faces, result.disk_control
-    )
+    there = transfer(np.full(len(control.vertices), 2.5), result.disk_control, control.faces, result.disk_map)
+    back = transfer(np.full(len(moving.vertices), 2.5), result.disk_map, moving.faces, result.disk_control)
     np.testing.assert_allclose(there, 2.5)
     np.testing.assert_allclose(back, 2.5)
     assert len(there) == len(moving.vertices) and len(back) == len(control.vertices)
@@ -816,9 +679,7 @@ def test_coordinates_are_carried_to_the_points_and_back(turned):
     there = transfer(control.vertices, result.disk_control, control.faces, result.disk_map)
     np.testing.assert_allclose(there, result.points, atol=1e-12)
     back = transfer(there, result.disk_map, moving.faces, result.disk_control)
-    assert (
-        np.linalg.norm(back - control.vertices, axis=1).max() < 0.03
-    )  # a third of an edge, where a face is cut off
+    assert np.linalg.norm(back - control.vertices, axis=1).max() < 0.03  # a third of an edge, where a face is cut off
 
 
 def test_a_one_column_map_is_a_column_of_the_whole(turned):
@@ -834,13 +695,7 @@ def test_labels_are_carried_by_the_nearest_corner(turned):
     assert there.dtype == labels.dtype and set(there.tolist()) == {3, 7}
     clear = abs(result.points[:, 0]) > 0.1
     np.testing.assert_array_equal(there[clear], np.where(result.points[clear, 0] > 0, 7, 3))
-    itself = transfer(
-        np.arange(len(moving.vertices)),
-        result.disk_map,
-        moving.faces,
-        result.disk_map,
-        nearest=True,
-    )
+    itself = transfer(np.arange(len(moving.vertices)), result.disk_map, moving.faces, result.disk_map, nearest=True)
     np.testing.assert_array_equal(itself, np.arange(len(moving.vertices)))
 
 
@@ -853,6 +708,4 @@ def test_values_must_be_one_a_vertex(turned):
 def test_points_are_lifted_to_where_they_came_from():
     surface = bowl(0.6)
     side = ParameterizedSurface(surface, Disk(disk_conformal_map(surface), surface.faces))
-    np.testing.assert_allclose(
-        side.lift(side.disk.centroids), surface.vertices[surface.faces].mean(1), atol=1e-12
-    )
+    np.testing.assert_allclose(side.lift(side.disk.centroids), surface.vertices[surface.faces].mean(1), atol=1e-12)

@@ -21,10 +21,7 @@ from qclearn.registration.register import register
 
 MOVING, CONTROL = bowl(0.6), bowl(1.2)  # vertices of the same number belong together
 HERE = polar_disk(14, 42)[0]
-FOLDS = [
-    np.cos(8 * HERE.real + 2 * HERE.imag) + HERE.real,
-    np.sin(7 * HERE.imag + 4 * HERE.real**2) - 0.5 * HERE.imag,
-]
+FOLDS = [np.cos(8 * HERE.real + 2 * HERE.imag) + HERE.real, np.sin(7 * HERE.imag + 4 * HERE.real**2) - 0.5 * HERE.imag]
 FEATURES = [Feature(name, values, values) for name, values in zip(("sulc", "myelin"), FOLDS)]
 
 
@@ -46,11 +43,7 @@ def pairs():
 def test_features_carry_the_curves_that_were_held_out(pairs):
     alone, hybrid = (np.array(list(result.report["held_out_mm"].values())) for result in pairs)
     np.testing.assert_allclose(alone[:, 0], hybrid[:, 0])  # of the same Möbius map
-    assert (
-        alone.shape == (2, 2)
-        and (hybrid[:, 1] < 0.5 * hybrid[:, 0]).all()
-        and (hybrid < alone + 1e-9).all()
-    )
+    assert alone.shape == (2, 2) and (hybrid[:, 1] < 0.5 * hybrid[:, 0]).all() and (hybrid < alone + 1e-9).all()
     assert off(pairs[1]) < 0.5 * off(pairs[0])
 
 
@@ -78,32 +71,16 @@ def test_curves_are_held_out_by_name_or_in_the_file():
 def test_without_landmarks_features_alone_register():
     result = register(MOVING, CONTROL, [], features=FEATURES, delta=3.0)
     report = result.report
-    assert (
-        report["landmark_error"]
-        is report["landmark_error_mm"]
-        is report["landmark_error_before"]
-        is None
-    )
-    assert (
-        report["curves"] == []
-        and result.curves == {}
-        and report["bijective"]
-        and report["suspect"] == []
-    )
+    assert report["landmark_error"] is report["landmark_error_mm"] is report["landmark_error_before"] is None
+    assert report["curves"] == [] and result.curves == {} and report["bijective"] and report["suspect"] == []
     assert off(result) < 0.03 and min(after for _, after in report["r"].values()) > 0.99
 
 
 @pytest.mark.parametrize(
     "features, words",
     [
-        (
-            [Feature("sulc", FOLDS[0], -FOLDS[0])],
-            "features: .sulc. .*is of opposite sign .*its sulc is not",
-        ),
-        (
-            [Feature("sulc", *FOLDS)],
-            "features: 'sulc' of the two sides hardly agrees .*landmark curve.*negate",
-        ),
+        ([Feature("sulc", FOLDS[0], -FOLDS[0])], "features: .sulc. .*is of opposite sign .*its sulc is not"),
+        ([Feature("sulc", *FOLDS)], "features: 'sulc' of the two sides hardly agrees .*landmark curve.*negate"),
     ],
 )
 def test_features_that_do_not_agree_make_it_suspect(features, words):
@@ -120,9 +97,7 @@ def test_delta_is_lowered_before_gamma(monkeypatch):
         return fit if weights.gamma < 1e4 else replace(fit, bijective=False, flipped=np.array([7]))
 
     monkeypatch.setattr("qclearn.registration.fit.fit_registration", folding)
-    report = register(
-        MOVING, CONTROL, entries(0), features=FEATURES[:1], gamma=1e5, delta=0.4
-    ).report
+    report = register(MOVING, CONTROL, entries(0), features=FEATURES[:1], gamma=1e5, delta=0.4).report
     assert tried == [(0.4, 1e5), (0.1, 1e5), (0.1, 1e4), (0.1, 1e3)]
     assert report["fallbacks"] == ["delta lowered to 0.1", "gamma lowered to 1000"]
 
@@ -132,10 +107,7 @@ def test_features_that_fold_at_every_delta_are_refused(monkeypatch):
         return SimpleNamespace(bijective=False, flipped=np.array([7]))
 
     monkeypatch.setattr("qclearn.registration.fit.fit_registration", folding)
-    with pytest.raises(
-        BijectivityError,
-        match="for these features down to delta = 0.00390625 .*the features of both",
-    ):
+    with pytest.raises(BijectivityError, match="for these features down to delta = 0.00390625 .*the features of both"):
         register(MOVING, CONTROL, [], features=FEATURES, delta=1.0)
 
 
@@ -147,20 +119,14 @@ def test_the_networks_answer_is_where_the_features_begin(monkeypatch):
     pipeline = sys.modules["qclearn.registration.register"]
     monkeypatch.setattr("qclearn.nets.load", lambda name: loaded.append(name) or blocks)
     made = pipeline.Stages.__init__
-    monkeypatch.setattr(
-        pipeline.Stages,
-        "__init__",
-        lambda self, *given: counts.append(given[0]) or made(self, *given),
-    )
+    monkeypatch.setattr(pipeline.Stages, "__init__", lambda self, *given: counts.append(given[0]) or made(self, *given))
 
     def fit(problem, weights, features, start):
         seen.append(start)
         return fit_registration(problem, weights, features, start)
 
     monkeypatch.setattr("qclearn.registration.fit.fit_registration", fit)
-    result = register(
-        MOVING, CONTROL, entries(0), "network", gamma=1e2, features=FEATURES, delta=1.0
-    )
+    result = register(MOVING, CONTROL, entries(0), "network", gamma=1e2, features=FEATURES, delta=1.0)
     assert seen[0] is mu and off(result) < 0.03 and loaded == ["ldnet", "cpnet"]
     assert counts == [len(result.report["seconds"]) - 1] and "tolerance" not in result.report
     with pytest.raises(LandmarkError, match="method 'network' needs landmarks"):
@@ -168,43 +134,15 @@ def test_the_networks_answer_is_where_the_features_begin(monkeypatch):
 
 
 REFUSED = [
-    (
-        {"features": FEATURES, "delta": 0},
-        LandmarkError,
-        "delta = 0: the features would take no part",
-    ),
-    (
-        {"features": FEATURES, "delta": -1.0},
-        LandmarkError,
-        "delta = -1.0: must be finite and not negative",
-    ),
-    (
-        {"features": None, "delta": -1.0},
-        LandmarkError,
-        "delta = -1.0: must be finite and not negative",
-    ),
-    (
-        {"features": None, "delta": "x"},
-        LandmarkError,
-        "delta = 'x': must be finite and not negative",
-    ),
-    (
-        {"method": "network", "tolerance": 1e-3},
-        ValueError,
-        "tolerance belongs to .*by landmarks alone",
-    ),
+    ({"features": FEATURES, "delta": 0}, LandmarkError, "delta = 0: the features would take no part"),
+    ({"features": FEATURES, "delta": -1.0}, LandmarkError, "delta = -1.0: must be finite and not negative"),
+    ({"features": None, "delta": -1.0}, LandmarkError, "delta = -1.0: must be finite and not negative"),
+    ({"features": None, "delta": "x"}, LandmarkError, "delta = 'x': must be finite and not negative"),
+    ({"method": "network", "tolerance": 1e-3}, ValueError, "tolerance belongs to .*by landmarks alone"),
     ({"features": ["sulc"]}, FeatureError, "unknown feature 'sulc'"),
     ({"features": [(FOLDS[0], FOLDS[0][1:])]}, FeatureError, "feature 1, control side: shape"),
-    (
-        {"hold_out": ["spoke 7"]},
-        LandmarkError,
-        "no curve is called 'spoke 7'.*'spoke 0', 'spoke 1', 'spoke 2'",
-    ),
-    (
-        {"hold_out": ["spoke 0", "spoke 1", "spoke 2"], "features": None},
-        LandmarkError,
-        "all curves are held out",
-    ),
+    ({"hold_out": ["spoke 7"]}, LandmarkError, "no curve is called 'spoke 7'.*'spoke 0', 'spoke 1', 'spoke 2'"),
+    ({"hold_out": ["spoke 0", "spoke 1", "spoke 2"], "features": None}, LandmarkError, "all curves are held out"),
 ]
 
 
@@ -221,10 +159,7 @@ def test_neither_landmarks_nor_features_is_refused():
 
 def test_folds_lead_unless_they_are_told_not_to():
     report = register(MOVING, CONTROL, entries(0), gamma=1e2).report
-    assert (
-        list(report["features"]) == list(report["r"]) == ["depth", "curvature"]
-        and report["delta"] == DELTA
-    )
+    assert list(report["features"]) == list(report["r"]) == ["depth", "curvature"] and report["delta"] == DELTA
 
 
 @pytest.mark.parametrize("names", [None, 5, [1, "a"], [["a"]]])
@@ -241,7 +176,5 @@ def test_curves_are_held_apart_by_their_names_alone():
 
 
 def test_hold_out_is_true_or_false():
-    with pytest.raises(
-        LandmarkError, match="curve 0: name must be text, and detect and hold_out true or false"
-    ):
+    with pytest.raises(LandmarkError, match="curve 0: name must be text, and detect and hold_out true or false"):
         register(MOVING, CONTROL, [entry | {"hold_out": "yes"} for entry in entries(0)])

@@ -7,10 +7,10 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
-from meshes import boundary_loop, random_disk
 from test_register import bowl, entries, spoke
 
 import qclearn as qc
+from meshes import boundary_loop, random_disk
 from qclearn.plane.beltrami import beltrami_coefficient, locate
 from qclearn.plane.bijectivity import RepairWarning, check_bijective, check_embedding
 from qclearn.plane.checks import BeltramiError
@@ -22,12 +22,7 @@ from qclearn.registration import register as pipeline
 from qclearn.registration.curves import read_landmarks
 from qclearn.registration.features import Feature, featured
 from qclearn.registration.fit import fit_landmarks
-from qclearn.registration.gauss_newton import (
-    Discretization,
-    DualStep,
-    GaussNewtonObjective,
-    PrimalStep,
-)
+from qclearn.registration.gauss_newton import Discretization, DualStep, GaussNewtonObjective, PrimalStep
 from qclearn.registration.metrics import measured_losses
 from qclearn.registration.problem import LandmarkError, Problem, Weights
 from qclearn.registration.residuals import FeatureTerm
@@ -88,18 +83,13 @@ def test_ragged_rims_with_ears_are_registered_and_written(tmp_path, rings, coars
         for k in range(3)
     ]
     result = register(moving, control, curves)
-    assert (
-        result.report["bijective"]
-        and check_bijective(result.disk_moving, moving.faces, result.disk_map).bijective
-    )
+    assert result.report["bijective"] and check_bijective(result.disk_moving, moving.faces, result.disk_map).bijective
     a, b, c = (result.points[corner] for corner in moving.faces.T)
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     assert abs(result.report["degenerate"] - (area < 1e-15).sum()) <= 1
     if coarse < rings:
         assert result.report["degenerate"] > 0
-        with pytest.raises(
-            SurfaceError, match="degenerate face"
-        ):  # an input is judged as strictly as ever
+        with pytest.raises(SurfaceError, match="degenerate face"):  # an input is judged as strictly as ever
             Surface(result.points, moving.faces)
     for name in ("r.surf.gii", "r.ply", "r.npz", "lh.r", "r.stl", "r.vtp"):
         qc.write_surface(tmp_path / name, result.surface)
@@ -125,19 +115,14 @@ ASTRAY = {
     "reversed": (0.6 * TURN, 0.6 * TURN[::-1]),
     "neighbours": (0.3 * TURN, 0.3 * TURN[[1, 0, *range(2, 12)]]),
     "permuted": (0.7 * TURN, 0.7 * TURN[np.random.default_rng(0).permutation(12)]),
-    "through the centre": (
-        0.5 * TURN,
-        np.random.default_rng(1).uniform(-0.6, 0.6, (12, 2)) @ [1, 1j],
-    ),
+    "through the centre": (0.5 * TURN, np.random.default_rng(1).uniform(-0.6, 0.6, (12, 2)) @ [1, 1j]),
     "one": ([0.3], [0.5j]),
     "none needed": (0.5 * TURN, 0.5j * TURN),
 }
 
 
 @pytest.mark.parametrize("case", ASTRAY)
-@pytest.mark.parametrize(
-    "mesh, gamma", [(SMALL, 1e2), (SMALL, 1e5), (COARSE, 1e5)], ids=["low", "usual", "coarse"]
-)
+@pytest.mark.parametrize("mesh, gamma", [(SMALL, 1e2), (SMALL, 1e5), (COARSE, 1e5)], ids=["low", "usual", "coarse"])
 def test_a_fit_never_ends_above_the_best_mobius_map(case, mesh, gamma):
     p, q = (np.asarray(side, complex) for side in ASTRAY[case])
     fit = fit_landmarks(*mesh, p, q, gamma=gamma)
@@ -164,11 +149,7 @@ def test_the_work_of_a_fit_of_wrong_landmarks_is_bounded():
 
     with patch("qclearn.registration.multiresolution.GaussNewtonObjective", Watched):
         fit = fit_landmarks(*COARSE, p, q, gamma=1e5)
-    assert (
-        objectives[-1].spent
-        and fit.bijective
-        and fit.fallbacks[-1].startswith("the fit was stopped")
-    )
+    assert objectives[-1].spent and fit.bijective and fit.fallbacks[-1].startswith("the fit was stopped")
 
 
 def test_no_step_leads_from_a_map_that_does_not_fold_to_one_that_does():
@@ -184,9 +165,7 @@ def test_a_fit_gone_astray_is_taken_up_again_from_the_mobius_map():
     Möbius map."""
     mesh, (p, q) = random_disk(3, 16), ASTRAY["neighbours"]
     fit = fit_landmarks(*mesh, p, q, gamma=1e5)
-    assert re.fullmatch(
-        r"the fit ended above the best Möbius map: \d+ steps from there", fit.fallbacks[0]
-    )
+    assert re.fullmatch(r"the fit ended above the best Möbius map: \d+ steps from there", fit.fallbacks[0])
     best = mobius(mesh[0], *best_mobius(p, q))
     assert fit.losses["L_CP"] < 0.9 * 1e5 * (abs(Disk(*mesh).sampling(p) @ best - q) ** 2).mean()
 
@@ -207,13 +186,9 @@ def test_a_damped_step_is_shorter_and_turns_to_the_steepest_descent():
 def test_damped_steps_without_a_jacobian_are_shorter(kind):
     z = COARSE[0]
     disk, folds = Disk(*COARSE), [np.cos(5 * z.real + z.imag), np.sin(4 * z.imag) - z.real]
-    side = ParameterizedSurface(
-        Surface(np.stack([z.real, z.imag, 0 * z.real], axis=1), disk.faces), disk
-    )
+    side = ParameterizedSurface(Surface(np.stack([z.real, z.imag, 0 * z.real], axis=1), disk.faces), disk)
     maps = [Feature(str(k), u, np.roll(u, 1)) for k, u in enumerate(folds)]
-    features = (
-        FeatureTerm(featured(side, side, maps)[-1], 16.0, 0.5) if kind is PrimalStep else None
-    )
+    features = FeatureTerm(featured(side, side, maps)[-1], 16.0, 0.5) if kind is PrimalStep else None
     problem = Problem(disk, 0.5 * TURN, 0.45 * TURN * np.exp(0.2j * TURN.real))
     objective = GaussNewtonObjective(
         Discretization(problem, CoefficientMesh(disk, polar(4)), own=True), Weights(), features
@@ -237,10 +212,7 @@ def test_a_registration_never_ends_above_the_best_mobius_map(mistake):
     result = register(bowl(0.6), bowl(0.9), curves, accept_suspect=True)
     p, q = (
         np.concatenate([qc.sample_curve(surface, curve[side]) @ z for curve in curves])
-        for surface, z, side in (
-            (bowl(0.6), result.disk_moving, "moving"),
-            (bowl(0.9), result.disk_control, "control"),
-        )
+        for surface, z, side in ((bowl(0.6), result.disk_moving, "moving"), (bowl(0.9), result.disk_control, "control"))
     )
     best = mobius(result.disk_moving, *best_mobius(p, q))
     problem = Problem(Disk(result.disk_moving, result.faces_moving), p, q)
@@ -248,9 +220,7 @@ def test_a_registration_never_ends_above_the_best_mobius_map(mistake):
     square, floor = ((abs(samples @ f - q) ** 2).mean() for f in (result.disk_map, best))
     assert square <= floor * (1 + 1e-9)
     losses = measured_losses(problem, Weights(1.0, 1e-2, 1e5), result.mu, samples @ result.disk_map)
-    assert losses["L_CP"] <= 1e5 * floor * (
-        1 + 1e-3
-    )  # as measured on the mesh, where a Möbius map has a little |mu|
+    assert losses["L_CP"] <= 1e5 * floor * (1 + 1e-3)  # as measured on the mesh, where a Möbius map has a little |mu|
     assert result.report["bijective"]
 
 
@@ -262,17 +232,9 @@ def test_curves_that_pull_the_disk_onto_its_rim_are_named(side):
     """Both ends of a curve side by side on one rim and far apart on the other."""
     rim = spoke(0, first=13, last=14)[0]
     close, apart = [rim, rim + 1], [rim, rim + 21]
-    curves = [
-        {
-            "name": "edge",
-            side: close,
-            ({"moving", "control"} - {side}).pop(): apart,
-            "detect": False,
-        }
-    ]
+    curves = [{"name": "edge", side: close, ({"moving", "control"} - {side}).pop(): apart, "detect": False}]
     with pytest.raises(
-        LandmarkError,
-        match="curve 'edge' pulls the moving disk onto its rim: .* check this curve's ends",
+        LandmarkError, match="curve 'edge' pulls the moving disk onto its rim: .* check this curve's ends"
     ):
         register(bowl(0.6), bowl(0.9), curves)
 
@@ -280,12 +242,7 @@ def test_curves_that_pull_the_disk_onto_its_rim_are_named(side):
 def test_the_curve_at_fault_is_named_among_others():
     rim = spoke(0, first=13, last=14)[0]
     collapsed = [
-        {
-            "name": f"{k}",
-            "moving": [rim + k, rim + k + 20],
-            "control": [rim + k, rim + k + 1],
-            "detect": False,
-        }
+        {"name": f"{k}", "moving": [rim + k, rim + k + 20], "control": [rim + k, rim + k + 1], "detect": False}
         for k in (0, 1)
     ]
     with pytest.raises(LandmarkError, match="curve '[01]' pulls the moving disk onto its rim"):
@@ -349,9 +306,7 @@ def test_wrong_arguments_of_a_fit_are_refused_by_name(case):
 
 def test_a_number_of_thousands_of_digits_in_a_landmarks_file_is_laid_to_the_file(tmp_path):
     file = tmp_path / "curves.json"
-    file.write_text(
-        '{"curves": [{"name": "a", "moving": [' + "7" * 5000 + ', 2], "control": [1, 2]}]}'
-    )
+    file.write_text('{"curves": [{"name": "a", "moving": [' + "7" * 5000 + ', 2], "control": [1, 2]}]}')
     with pytest.raises(LandmarkError, match="curves.json: not a JSON file"):
         read_landmarks(file)
 
@@ -370,13 +325,10 @@ def test_the_solver_mends_a_fold_where_asked():
     mu = 0.9 * np.exp(2j * np.pi * np.random.default_rng(0).uniform(size=len(faces)))
     plain = qc.solve_beltrami_disk(z, faces, mu)
     assert len(check_embedding(faces, plain).flipped) > 0
-    with pytest.warns(
-        RepairWarning, match=r"\d+ rows switched to mean-value weights, 0 faces stay flipped"
-    ):
+    with pytest.warns(RepairWarning, match=r"\d+ rows switched to mean-value weights, 0 faces stay flipped"):
         mended = qc.solve_beltrami_disk(z, faces, mu, repair=True)
     assert check_bijective(z, faces, mended).bijective
     gentle = np.full(len(faces), 0.2)
     np.testing.assert_array_equal(
-        qc.solve_beltrami_disk(z, faces, gentle, repair=True),
-        qc.solve_beltrami_disk(z, faces, gentle),
+        qc.solve_beltrami_disk(z, faces, gentle, repair=True), qc.solve_beltrami_disk(z, faces, gentle)
     )

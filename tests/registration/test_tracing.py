@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from known_surfaces import sheet
 
+from known_surfaces import sheet
 from qclearn.io.fsaverage import demo_landmarks, fsaverage5
 from qclearn.registration import tracing
 from qclearn.registration.problem import LandmarkError
@@ -51,14 +51,8 @@ RING = [k for k in range(N * N) if 9 < np.hypot(k % N - 15, k // N - 15) < 10.5]
         ([], "0 vertices on this surface"),
         ([7, 7], "1 vertex on this surface"),
         ([*row(2, 12), *row(14, 20)], r"in 2 pieces \(of 10, 6 vertices\)"),
-        (
-            [k for k in range(N * N) if np.hypot(k % N - 15, k // N - 15) < 8],
-            "no curve: its .* mm beside a path",
-        ),
-        (
-            [k for at in range(10, 20) for k in row(2, 29, at)],
-            "no curve",
-        ),  # three times as long as wide
+        ([k for k in range(N * N) if np.hypot(k % N - 15, k // N - 15) < 8], "no curve: its .* mm beside a path"),
+        ([k for at in range(10, 20) for k in row(2, 29, at)], "no curve"),  # three times as long as wide
         ([*row(5, 26), *[at * N + 15 for at in range(16, 28)]], "no curve"),
         (RING, "no curve"),
     ],
@@ -71,27 +65,17 @@ def test_what_is_no_curve_is_refused(flat, vertices, message):
 def test_points_are_joined_in_their_order(flat):
     stops = np.array([3, 3, 10 * N + 3, 10 * N + 20])
     path = threaded(flat, stops)
-    assert (
-        path[0] == 3
-        and path[-1] == stops[-1]
-        and stops[2] in path
-        and (path[1:] != path[:-1]).all()
-    )
+    assert path[0] == 3 and path[-1] == stops[-1] and stops[2] in path and (path[1:] != path[:-1]).all()
     np.testing.assert_array_equal(threaded(flat, stops[:2]), [3, 3])
 
 
-def test_the_hemisphere_that_agrees_better_is_carried_and_refused_where_it_is_suspect(
-    flat, monkeypatch
-):
+def test_the_hemisphere_that_agrees_better_is_carried_and_refused_where_it_is_suspect(flat, monkeypatch):
     def run(moving, *_):
         r = 0.8 if np.array_equal(moving.vertices, fsaverage5("right").vertices) else 0.5
         return SimpleNamespace(report={"r": {"depth": [0.3, r]}, "suspect": [f"features: {r}"]})
 
     monkeypatch.setattr(tracing, "register", run)
-    for given, told in (
-        (None, "right hemisphere does not fit: features: 0.8"),
-        ("left", "left .* features: 0.5"),
-    ):
+    for given, told in ((None, "right hemisphere does not fit: features: 0.8"), ("left", "left .* features: 0.5")):
         with pytest.raises(LandmarkError, match=told):
             tracing.carried(flat, given)
 

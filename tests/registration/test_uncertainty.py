@@ -7,7 +7,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from subjects import grown
 from test_register import bowl, entries
 
 import qclearn as qc
@@ -18,6 +17,7 @@ from qclearn.io.hemisphere import read_hemisphere
 from qclearn.plane.disk import Disk
 from qclearn.registration.problem import INDIVIDUAL, LandmarkError, Problem, Weights
 from qclearn.registration.uncertainty import Laplace, calibrated
+from subjects import grown
 
 KEPT = calibrated()
 RINGS = 6
@@ -35,9 +35,7 @@ def problem():
 
 
 def laplace_of(problem, weights=WEIGHTS):
-    fit = qc.fit_landmarks(
-        problem.disk.z, problem.disk.faces, problem.moving, problem.target, gamma=weights.gamma
-    )
+    fit = qc.fit_landmarks(problem.disk.z, problem.disk.faces, problem.moving, problem.target, gamma=weights.gamma)
     return Laplace(problem, weights, fit.mu, fit.mobius, rings=RINGS)
 
 
@@ -58,9 +56,7 @@ def test_a_landmark_more_shrinks_the_covariance_as_said(problem):
     row = one.G[node]
     J = np.stack([row.real, row.imag]) / np.sqrt(one.noise)
     more = np.linalg.inv(one.H + J.T @ J)
-    before, after = (
-        np.einsum("nk,kl,nl->n", one.G.conj(), C, one.G).real for C in (np.linalg.inv(one.H), more)
-    )
+    before, after = (np.einsum("nk,kl,nl->n", one.G.conj(), C, one.G).real for C in (np.linalg.inv(one.H), more))
     np.testing.assert_allclose(one.shrunk()[:, node], after / before, rtol=1e-6)
 
 
@@ -100,10 +96,7 @@ def test_the_kept_radius_covers_what_it_says():
     assert faults(judges, 0.33) == []
     constant = KEPT["folds"]["constant_mm"]["90"]
     assert np.mean([pair["mean_mm"] for pair in judges]) <= 0.95 * constant
-    seeds = [
-        {seed for pair in KEPT["folds"][part] for seed in pair["seeds"]}
-        for part in ("calibrate", "judge")
-    ]
+    seeds = [{seed for pair in KEPT["folds"][part] for seed in pair["seeds"]} for part in ("calibrate", "judge")]
     assert not seeds[0] & seeds[1] and len(KEPT["folds"]["calibrate"]) >= 40 and len(judges) >= 12
 
 
@@ -113,12 +106,8 @@ def test_landmarks_alone_and_real_cortex_are_judged_apart():
     assert abs(np.mean([pair["coverage"]["90"] for pair in alone]) - 0.9) <= 0.03
     fifths = np.mean([pair["fifths"] for pair in alone], axis=0)
     assert fifths.min() >= 0.84 and fifths.max() <= 0.96
-    assert all(
-        0.85 <= row["coverage"]["90"] <= 0.98 and row["median_mm"] <= 4.5 for row in KEPT["warps"]
-    )
-    assert len(KEPT["curves"]) == 11 and all(
-        row["distance_mm"] < row["radius_mm"] for row in KEPT["curves"]
-    )
+    assert all(0.85 <= row["coverage"]["90"] <= 0.98 and row["median_mm"] <= 4.5 for row in KEPT["warps"])
+    assert len(KEPT["curves"]) == 11 and all(row["distance_mm"] < row["radius_mm"] for row in KEPT["curves"])
 
 
 def test_it_covers_at_the_ends_of_the_weights_for_which_it_is_given():
@@ -129,9 +118,7 @@ def test_it_covers_at_the_ends_of_the_weights_for_which_it_is_given():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "row", [row for row in KEPT["folds"]["calibrate"] if max(row["vertices"]) == 6_000][:3]
-)
+@pytest.mark.parametrize("row", [row for row in KEPT["folds"]["calibrate"] if max(row["vertices"]) == 6_000][:3])
 def test_pairs_run_anew_give_what_was_kept(row):
     sides = []
     for seed, size in zip(row["seeds"], row["vertices"]):
@@ -151,11 +138,7 @@ def test_what_is_no_radius_fails_the_same_checks(planted):
     for _ in range(3):
         spread = np.exp(0.5 * rng.normal(size=6_000))
         error = spread * abs(rng.normal(size=6_000) + 1j * rng.normal(size=6_000))
-        radius = {
-            "right": spread,
-            "random": rng.permutation(spread),
-            "constant": 1 + 1e-9 * np.arange(6_000),
-        }[planted]
+        radius = {"right": spread, "random": rng.permutation(spread), "constant": 1 + 1e-9 * np.arange(6_000)}[planted]
         pairs.append({"radius": radius, "error": error, "areas": np.full(6_000, 1 / 6_000)})
     factors, _ = calibrate_uncertainty.factors_of(pairs, share=0.5)
     fault = faults([calibrate_uncertainty.judged(pair, factors) for pair in pairs], 0.33)
@@ -182,32 +165,20 @@ def test_where_it_was_not_calibrated_it_is_refused(options, words):
 def test_the_command_writes_the_radius_and_tells_it(tmp_path, capsys):
     """The file, the line, the report and the page; the radius is that of the call, to three digits."""
     for name, seed in (("moving", 3001), ("control", 3002)):
-        qc.write_surface(
-            tmp_path / f"{name}.npz", grown(seed, 6_000, generation=KEPT["generation"]).surface
-        )
-    call = [
-        "register",
-        str(tmp_path / "moving.npz"),
-        str(tmp_path / "control.npz"),
-        "--no-landmarks",
-        "--out",
-    ]
+        qc.write_surface(tmp_path / f"{name}.npz", grown(seed, 6_000, generation=KEPT["generation"]).surface)
+    call = ["register", str(tmp_path / "moving.npz"), str(tmp_path / "control.npz"), "--no-landmarks", "--out"]
     main([*call, str(tmp_path / "sure"), "--uncertainty", "--report"])
     assert "within" in capsys.readouterr().out
     report = json.loads((tmp_path / "sure" / "report.json").read_text(encoding="utf-8"))
     radius = qc.read_values(tmp_path / "sure" / "uncertainty.shape.gii")
     found = qc.register(
-        *(qc.read_surface(tmp_path / f"{name}.npz") for name in ("moving", "control")),
-        [],
-        uncertainty=True,
+        *(qc.read_surface(tmp_path / f"{name}.npz") for name in ("moving", "control")), [], uncertainty=True
     )
     np.testing.assert_allclose(radius, found.uncertainty, rtol=1e-3)
-    assert report["uncertainty"]["mean_mm"] == pytest.approx(
-        found.report["uncertainty"]["mean_mm"], rel=1e-3
-    )
-    assert report["uncertainty"]["factors"] == KEPT["folds"]["factors"] and report["uncertainty"][
-        "next"
-    ]["vertex"] < len(radius)
+    assert report["uncertainty"]["mean_mm"] == pytest.approx(found.report["uncertainty"]["mean_mm"], rel=1e-3)
+    assert report["uncertainty"]["factors"] == KEPT["folds"]["factors"] and report["uncertainty"]["next"][
+        "vertex"
+    ] < len(radius)
     assert report["uncertainty"]["next"]["mean_mm"] < report["uncertainty"]["mean_mm"]
     assert not report["uncertainty"]["calibrated_on"].startswith("uncalibrated")
     assert "nine in ten vertices" in (tmp_path / "sure" / "report.html").read_text(encoding="utf-8")
@@ -217,19 +188,14 @@ def test_the_command_writes_the_radius_and_tells_it(tmp_path, capsys):
 def test_the_advice_on_one_more_curve_was_tried_where_the_truth_is_known():
     pairs = KEPT["next"]["pairs"]
     assert len(pairs) == 24 and all(one["told"] != one["random"] for one in pairs)
-    before, told, lot = (
-        np.array([one[f"{name}_mm"] for one in pairs]) for name in ("before", "told", "random")
-    )
+    before, told, lot = (np.array([one[f"{name}_mm"] for one in pairs]) for name in ("before", "told", "random"))
     assert (told / before).mean() < min((lot / before).mean(), 1)
 
 
 def test_a_small_mesh_is_told_to_be_uncalibrated():
     surface = bowl(0.4)
     found = qc.register(surface, surface, entries(0), features=None, uncertainty=True)
-    assert (
-        found.report["uncertainty"]["calibrated_on"]
-        == "uncalibrated below 6000 and beyond 20000 vertices"
-    )
+    assert found.report["uncertainty"]["calibrated_on"] == "uncalibrated below 6000 and beyond 20000 vertices"
 
 
 @pytest.mark.parametrize("whole", [True, False])
@@ -238,12 +204,9 @@ def test_the_advised_vertex_is_told_in_the_numbers_of_the_surface_as_given(whole
     side = read_hemisphere("fsaverage5:left")
     pair = registration.Pair(side if whole else side.cut, side.cut, mirrored=False)
     result = SimpleNamespace(
-        uncertainty=np.ones(1),
-        report={"suspect": [], "uncertainty": {"next": {"vertex": 5_000, "mean_mm": 1.0}}},
+        uncertainty=np.ones(1), report={"suspect": [], "uncertainty": {"next": {"vertex": 5_000, "mean_mm": 1.0}}}
     )
-    told = registration.full_report(result, pair, {"curves": []}, "")["uncertainty"]["next"][
-        "vertex"
-    ]
+    told = registration.full_report(result, pair, {"curves": []}, "")["uncertainty"]["next"]["vertex"]
     surface = side.given if whole else side.disk
     np.testing.assert_allclose(surface.vertices[told], side.disk.vertices[5_000])
     assert result.report["uncertainty"]["next"]["vertex"] == 5_000

@@ -59,14 +59,8 @@ def lab(browser, tmp_path_factory):
     the folder."""
     home = tmp_path_factory.mktemp("lab")
     root = home / "pages"
-    shutil.copytree(COPIES, root / "copies") if COPIES.exists() else (root / "copies").mkdir(
-        parents=True
-    )
-    shutil.copytree(
-        ROOT / "book",
-        root / "sources",
-        ignore=shutil.ignore_patterns("_assets", ".ipynb_checkpoints"),
-    )
+    shutil.copytree(COPIES, root / "copies") if COPIES.exists() else (root / "copies").mkdir(parents=True)
+    shutil.copytree(ROOT / "book", root / "sources", ignore=shutil.ignore_patterns("_assets", ".ipynb_checkpoints"))
     (root / "planted").mkdir()
     with jupyterlab(home, root) as address:
         yield SimpleNamespace(address=address, home=home, root=root)

@@ -68,9 +68,7 @@ class Explorable:
         self.root.locator(f"[role=status]:has-text({json.dumps(words)})").wait_for(timeout=60_000)
 
     def pictures(self):
-        return self.root.locator("canvas").evaluate_all(
-            "all => all.map(canvas => canvas.toDataURL())"
-        )
+        return self.root.locator("canvas").evaluate_all("all => all.map(canvas => canvas.toDataURL())")
 
     def after(self, act):
         """Do something and wait for the answer to it."""
@@ -117,9 +115,7 @@ class Explorable:
 
     def state(self):
         """The state that the page's address carries, of what differs from the start."""
-        found = re.search(
-            r"#live-\w+=(.*)", self.page.evaluate("() => decodeURIComponent(location.hash)")
-        )
+        found = re.search(r"#live-\w+=(.*)", self.page.evaluate("() => decodeURIComponent(location.hash)"))
         return json.loads(found[1]) if found else {}
 
     def download(self, name):
@@ -137,9 +133,7 @@ class Explorable:
         said.evaluate("e => { e.textContent = ''; }")
         self.root.get_by_role("spinbutton").fill(number)
         self.root.get_by_role("button", name="Compare").click()
-        self.root.locator(f".qc-live-truth:has-text('You said {number}; it is')").wait_for(
-            timeout=60_000
-        )
+        self.root.locator(f".qc-live-truth:has-text('You said {number}; it is')").wait_for(timeout=60_000)
         return said.inner_text()
 
     # What a control does, seen from outside.
@@ -151,9 +145,7 @@ class Explorable:
         """`act` on each slider changes its value and the words; of those named `silent` the
         pictures alone."""
         for slider in self.root.get_by_role("slider").all():
-            name = slider.evaluate(
-                "e => document.querySelector(`label[for='${e.id}']`).textContent"
-            )
+            name = slider.evaluate("e => document.querySelector(`label[for='${e.id}']`).textContent")
             assert name, "a slider without a name"
             value, (words, pictures) = slider.input_value(), self.seen()
             act(slider)
@@ -161,10 +153,7 @@ class Explorable:
             assert self.pictures() != pictures if name in silent else self.words != words, name
 
     def by_key(self, slider):
-        self.press(
-            slider,
-            "ArrowLeft" if slider.input_value() == slider.get_attribute("max") else "ArrowRight",
-        )
+        self.press(slider, "ArrowLeft" if slider.input_value() == slider.get_attribute("max") else "ArrowRight")
 
     def by_mouse(self, slider):
         share = 0.25 if slider.evaluate("e => (e.value - e.min) / (e.max - e.min)") > 0.6 else 0.75
@@ -173,9 +162,7 @@ class Explorable:
 
     def takes_each_choice(self):
         for select in self.root.get_by_role("combobox").all():
-            for value in select.locator("option").evaluate_all(
-                "all => all.map(option => option.value)"
-            )[::-1]:
+            for value in select.locator("option").evaluate_all("all => all.map(option => option.value)")[::-1]:
                 if value != select.input_value():
                     before = self.seen()
                     self.after(lambda select=select, value=value: select.select_option(value))
@@ -224,22 +211,14 @@ class OnTheSite:
         shown.tab.resize(WIDE)
 
     def test_its_main_picture_comes_first_and_large_and_in_focus(self, shown):
-        canvas, control = (
-            shown.root.locator("canvas").first,
-            shown.root.locator("input, select").first,
-        )
+        canvas, control = (shown.root.locator("canvas").first, shown.root.locator("input, select").first)
         main = canvas.bounding_box()
         assert main["width"] >= 360 and main["y"] < control.bounding_box()["y"]
         assert canvas.evaluate("e => e.width / e.clientWidth") >= 1
-        assert all(
-            box["width"] >= 150
-            for box in map(type(canvas).bounding_box, shown.root.locator("canvas").all())
-        )
+        assert all(box["width"] >= 150 for box in map(type(canvas).bounding_box, shown.root.locator("canvas").all()))
 
     def test_pictures_are_described_and_the_guess_is_answered(self, shown):
-        labels = shown.root.locator("canvas").evaluate_all(
-            "all => all.map(canvas => canvas.ariaLabel)"
-        )
+        labels = shown.root.locator("canvas").evaluate_all("all => all.map(canvas => canvas.ariaLabel)")
         assert labels and all(shown.said in label for label in labels)
         text = (SITE / self.page).read_text(encoding="utf-8")
         (alt,) = re.findall(f'data-page="{self.name}"><img alt="([^"]*)"', text)
@@ -269,9 +248,7 @@ class InJupyterLab:
         shown.reset()
         before = shown.seen()
         for name, value in self.sets.items():
-            shown.after(
-                lambda name=name, value=value: shown.tab.run(f"{self.name}.set({name}={value!r})")
-            )
+            shown.after(lambda name=name, value=value: shown.tab.run(f"{self.name}.set({name}={value!r})"))
         assert shown.words != before[0] and shown.pictures() != before[1]
 
     def test_the_kernel_finds_the_same(self, shown):

@@ -98,9 +98,7 @@ def jupyterlab(home, root):
             server.terminate()
             try:
                 server.wait(30)
-            except (
-                subprocess.TimeoutExpired
-            ):  # it waits for a kernel that is busy; the kernel ends with its server
+            except subprocess.TimeoutExpired:  # it waits for a kernel that is busy; the kernel ends with its server
                 server.kill()
                 server.wait(30)
 
@@ -169,8 +167,7 @@ class Notebook(Tab):
     def __init__(self, window, lab, name, code, script=None):
         """code: the first cell; script: what the page runs before its own scripts."""
         notebook = new_notebook(
-            metadata={"kernelspec": {"name": "python3", "display_name": "Python 3"}},
-            cells=[new_code_cell(code)],
+            metadata={"kernelspec": {"name": "python3", "display_name": "Python 3"}}, cells=[new_code_cell(code)]
         )
         nbformat.write(notebook, lab.root / "planted" / f"{name}.ipynb")
         super().__init__(window, lab.address, "lab?reset", script=script)

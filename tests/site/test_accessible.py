@@ -7,18 +7,9 @@ PLANTED = {
     "a button without a name": ("<button></button>", "button-name"),
     "a picture without a description": ("<img src='_static/registration.png'>", "image-alt"),
     "pale text": ("<p style='color: #ccc; background: #fff'>pale</p>", "color-contrast"),
-    "a pale word of code": (
-        "<pre><span>dark</span><span style='color: #ccc'>pale</span></pre>",
-        "color-contrast",
-    ),
-    "a slider without a name": (
-        "<div role='slider' tabindex='0' aria-valuenow='1'>o</div>",
-        "aria-input-field-name",
-    ),
-    "a list of no items": (
-        "<div role='list'><div role='button' tabindex='0'>x</div></div>",
-        "aria-required-children",
-    ),
+    "a pale word of code": ("<pre><span>dark</span><span style='color: #ccc'>pale</span></pre>", "color-contrast"),
+    "a slider without a name": ("<div role='slider' tabindex='0' aria-valuenow='1'>o</div>", "aria-input-field-name"),
+    "a list of no items": ("<div role='list'><div role='button' tabindex='0'>x</div></div>", "aria-required-children"),
 }
 
 # The rules of axe-core, each with what its checks read besides the page.
@@ -40,9 +31,7 @@ def test_what_is_switched_off_could_not_be_found(plain_view):
     plain_view.axe_findings()
     rules = {rule["id"]: rule for rule in plain_view.page.evaluate(RULES)}
     assert rules["region"]["impact"] == "moderate"
-    assert [name for name, rule in rules.items() if "cssom" in rule["reads"]] == [
-        "css-orientation-lock"
-    ]
+    assert [name for name, rule in rules.items() if "cssom" in rule["reads"]] == ["css-orientation-lock"]
     passed_over = set(plain_view.page.evaluate("axe._audit.tagExclude"))
     assert passed_over & set(rules["css-orientation-lock"]["tags"]) == {"experimental"}
 

@@ -12,29 +12,19 @@ from book.builder import references, solutions
 
 FOLDERS = {"copy": COPIES, "download": SITE / "_sources"}
 PAGES = {
-    kind: [
-        page
-        for page in references.chapters()
-        if kind == "copy" or (references.BOOK / f"{page}.ipynb").exists()
-    ]
+    kind: [page for page in references.chapters() if kind == "copy" or (references.BOOK / f"{page}.ipynb").exists()]
     for kind in FOLDERS
 }
 MYST = re.compile(r"\{[\w:-]+\}`|^ *(?::{3,}|`{3,})\{|^\([\w:-]+\)=$|^:{3,}|<<cell", re.MULTILINE)
 LINK = re.compile(r"(!?)\[([^\[\]]*)\]\((\w[\w./-]*|#[^)]*)\)")
-NUMBER = re.compile(
-    r"^\*\*((?:Fig\.|Exercise|[A-Z][a-z]+) [\d.]*\d)\.?\*\*|\\tag\{([\d.]+)\}", re.MULTILINE
-)
+NUMBER = re.compile(r"^\*\*((?:Fig\.|Exercise|[A-Z][a-z]+) [\d.]*\d)\.?\*\*|\\tag\{([\d.]+)\}", re.MULTILINE)
 
 
 def prose(notebook):
     """The Markdown cells, and the tables that code cells show."""
     texts = [cell.source for cell in notebook.cells if cell.cell_type == "markdown"]
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
-    texts += [
-        output.data["text/markdown"]
-        for output in outputs
-        if "text/markdown" in output.get("data", {})
-    ]
+    texts += [output.data["text/markdown"] for output in outputs if "text/markdown" in output.get("data", {})]
     return references.CODE.sub("", "\n\n".join(texts))
 
 
@@ -44,9 +34,7 @@ def faults(notebook, folder):
     yield from (f"MyST: {mark}" for mark in MYST.findall(text))
     yield from ("solution" for _ in re.findall(r"\*\*Solution to", text) if not solutions.SHOWN)
     for picture, words, target in LINK.findall(text):
-        place = (
-            target if picture or target.endswith((".ipynb", ".toml")) else f"no notebook: {target}"
-        )
+        place = target if picture or target.endswith((".ipynb", ".toml")) else f"no notebook: {target}"
         if not (COPIES / place).exists():
             yield f"leads nowhere: {target}"
         if picture and not words:
@@ -62,22 +50,16 @@ def faults(notebook, folder):
         if len(figures) != ("show_figure(" in cell.source and "def show_figure" not in cell.source):
             yield f"{len(figures)} figures: {cell.source[:40]}"
         for data in (figure.data for figure in figures):
-            if "image/png" not in data or (folder == COPIES) != (
-                "<img alt=" in data.get("text/html", "")
-            ):
+            if "image/png" not in data or (folder == COPIES) != ("<img alt=" in data.get("text/html", "")):
                 yield f"no picture, or no description: {cell.source[:40]}"
 
 
-@pytest.mark.parametrize(
-    "kind, page", [(kind, page) for kind, pages in PAGES.items() for page in pages]
-)
+@pytest.mark.parametrize("kind, page", [(kind, page) for kind, pages in PAGES.items() for page in pages])
 def test_a_notebook_has_no_fault_and_all_cells_of_its_page(kind, page):
     notebook = nbformat.read(FOLDERS[kind] / f"{page}.ipynb", as_version=4)
     assert list(faults(notebook, FOLDERS[kind])) == []
     if (executed := EXECUTED / f"{page}.ipynb").exists():
-        code = [
-            cell for cell in nbformat.read(executed, as_version=4).cells if cell.cell_type == "code"
-        ]
+        code = [cell for cell in nbformat.read(executed, as_version=4).cells if cell.cell_type == "code"]
         copied = [cell for cell in notebook.cells if cell.cell_type == "code"]
         assert [cell.source for cell in copied] == [cell.source for cell in code]
         assert [len(cell.outputs) for cell in copied] == [len(cell.outputs) for cell in code]
@@ -87,18 +69,12 @@ def test_a_notebook_has_no_fault_and_all_cells_of_its_page(kind, page):
 def test_a_copy_counts_as_the_site_does(page):
     shown = (SITE / f"{page}.html").read_text(encoding="utf-8").split("<article", 1)[1]
     on_the_site = re.findall(r'<span class="eqno">\(([\d.]+)\)', shown)
-    on_the_site += [
-        text.strip() for text in re.findall(r'<span class="caption-number">([A-Z][^<]*\d)', shown)
-    ]
+    on_the_site += [text.strip() for text in re.findall(r'<span class="caption-number">([A-Z][^<]*\d)', shown)]
     text = prose(nbformat.read(COPIES / f"{page}.ipynb", as_version=4))
     assert Counter(a or b for a, b in NUMBER.findall(text)) == Counter(on_the_site)
 
 
-@pytest.mark.parametrize(
-    "text", ["about {eval}`n` faces", ":::{figure}", "```{exercise}", "(fig-x)=", "[a](#fig-x)"]
-)
+@pytest.mark.parametrize("text", ["about {eval}`n` faces", ":::{figure}", "```{exercise}", "(fig-x)=", "[a](#fig-x)"])
 def test_a_fault_is_found(text):
-    notebook = nbformat.v4.new_notebook(
-        cells=[nbformat.v4.new_markdown_cell(f"first\n{text}\nlast")]
-    )
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell(f"first\n{text}\nlast")])
     assert list(faults(notebook, COPIES))

@@ -12,18 +12,11 @@ from places import EXECUTED, SITE
 
 # Two workers of xdist share the tests in JupyterLab, pages and widgets: each starts one server.
 pytestmark = pytest.mark.xdist_group("pages in JupyterLab")
-READ = [
-    "index",
-    "lbs",
-    "errata",
-    "teaching",
-]  # between them figures, scenes, explorables, tables, theorems, boxes
+READ = ["index", "lbs", "errata", "teaching"]  # between them figures, scenes, explorables, tables, theorems, boxes
 RUN = ["lbs", "fourier"]
 CLOCK = re.compile(r"second|_ms|time")  # numbers that differ from run to run
 NUMBER = re.compile(r'<span class="computed">(.*?)</span>', re.DOTALL)
-RAW = re.compile(
-    r"[^\n]*Unknown (?:Directive|Role)[^\n]*|\{(?:eval|figure|numref|eq|cite:\w|prf:\w+|term)\}\S*|:::"
-)
+RAW = re.compile(r"[^\n]*Unknown (?:Directive|Role)[^\n]*|\{(?:eval|figure|numref|eq|cite:\w|prf:\w+|term)\}\S*|:::")
 
 
 def faults(cells):
@@ -37,20 +30,14 @@ def faults(cells):
     yield from (f"no picture: {name}" for name in of("broken"))
     # 'Image' is JupyterLab's own word for what has no description.
     figures = [(alt, width) for alt, width in of("figures") if alt in ("", "Image") or width < 50]
-    yield from (
-        f"figure without a description or a picture: {alt!r}, {width} px" for alt, width in figures
-    )
-    yield from (
-        f"a scene fills {100 * share:.0f} % of its cell" for share in of("scenes") if share < 0.95
-    )
+    yield from (f"figure without a description or a picture: {alt!r}, {width} px" for alt, width in figures)
+    yield from (f"a scene fills {100 * share:.0f} % of its cell" for share in of("scenes") if share < 0.95)
 
 
 def shown_figures(page):
     """Figures and scenes of an executed page."""
     cells = nbformat.read(EXECUTED / f"{page}.ipynb", as_version=4).cells
-    text = "".join(
-        o.get("data", {}).get("text/html", "") for c in cells for o in c.get("outputs", [])
-    )
+    text = "".join(o.get("data", {}).get("text/html", "") for c in cells for o in c.get("outputs", []))
     return text.count('class="page-figure"'), text.count('<iframe class="scene"')
 
 
@@ -58,10 +45,7 @@ def shown_figures(page):
 def test_a_copy_reads_in_jupyterlab(reader, lab, page):
     sign(lab.home, [lab.root / "copies" / f"{page}.ipynb"])  # as `make lab-copies` does
     cells = reader.read(f"copies/{page}.ipynb")
-    assert [
-        *faults(cells),
-        *(f"unresolved: {name}" for cell in cells for name in cell["unknown"]),
-    ] == []
+    assert [*faults(cells), *(f"unresolved: {name}" for cell in cells for name in cell["unknown"])] == []
     if (EXECUTED / f"{page}.ipynb").exists():
         seen = [sum(len(cell[what]) for cell in cells) for what in ("figures", "scenes")]
         assert tuple(seen) == shown_figures(page)
@@ -70,9 +54,7 @@ def test_a_copy_reads_in_jupyterlab(reader, lab, page):
 @pytest.mark.parametrize("page", RUN)
 def test_the_source_reads_in_jupyterlab_after_run_all(reader, page):
     cells = reader.run(f"sources/{page}.ipynb")
-    assert (
-        list(faults(cells)) == []
-    )  # citations and references to other pages are for the book alone to resolve
+    assert list(faults(cells)) == []  # citations and references to other pages are for the book alone to resolve
     article = (SITE / f"{page}.html").read_text(encoding="utf-8").split("<article", 1)[1]
     asked = [
         entry["expression"]
@@ -87,9 +69,7 @@ def test_the_source_reads_in_jupyterlab_after_run_all(reader, page):
 
 
 def test_a_planted_fault_is_noticed(reader, lab):
-    page = nbformat.v4.new_notebook(
-        metadata={"kernelspec": {"name": "python3", "display_name": "Python 3"}}
-    )
+    page = nbformat.v4.new_notebook(metadata={"kernelspec": {"name": "python3", "display_name": "Python 3"}})
     page.cells = [nbformat.v4.new_markdown_cell(":::{gallery}\nA\n:::\n\nSee {eq}`eq-there`.")]
     nbformat.write(page, lab.root / "planted" / "faults.ipynb")
     cells = reader.read("planted/faults.ipynb")

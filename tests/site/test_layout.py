@@ -7,14 +7,8 @@ from view import NARROW, WIDE, View
 LONG = "a_1 + " * 80
 # What is put into a page, and the sentence that this must bring.
 PLANTED = {
-    "code": (
-        "<pre style='white-space: pre; overflow: auto'>" + "x = 1; " * 90 + "</pre>",
-        "px cut off: pre",
-    ),
-    "formula": (
-        f"<div class='math' style='overflow: hidden; white-space: nowrap'>{LONG}</div>",
-        "px cut off: div",
-    ),
+    "code": ("<pre style='white-space: pre; overflow: auto'>" + "x = 1; " * 90 + "</pre>", "px cut off: pre"),
+    "formula": (f"<div class='math' style='overflow: hidden; white-space: nowrap'>{LONG}</div>", "px cut off: div"),
     "hidden part": (
         "<div style='overflow: hidden'><img alt='' style='width: 1500px; max-width: none'></div>",
         "px cut off: img",
@@ -30,10 +24,7 @@ PLANTED = {
         "<figure><figcaption style='font-weight: 700 !important'>bold</figcaption></figure>",
         "bold: figcaption",
     ),
-    "bold number": (
-        "<p><span class='computed' style='font-weight: 700'>3.14</span></p>",
-        "bold: span",
-    ),
+    "bold number": ("<p><span class='computed' style='font-weight: 700'>3.14</span></p>", "bold: span"),
 }
 
 

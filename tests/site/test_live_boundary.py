@@ -41,6 +41,4 @@ class TestInJupyterLab(InJupyterLab):
         shown.reset()
         shown.drag(shown.root.locator("canvas").first, (0.5, 0.6), (0.4, 0.5), (0.3, 0.4))
         shown.tab.until("abs(complex(*boundary.state['pole']) - 0.3 - 0.4j) < 1e-3")
-        shown.tab.until(
-            "abs(boundary.map - boundary.live.map(boundary.state))[boundary.live.rim].max() < 1e-9"
-        )
+        shown.tab.until("abs(boundary.map - boundary.live.map(boundary.state))[boundary.live.rim].max() < 1e-9")

@@ -21,9 +21,7 @@ class TestOnTheSite(OnTheSite):
         (length,) = np.frombuffer(data[:4], "<u4")
         ((_, shape, _), (_, faces, _)) = json.loads(data[4 : 4 + length])["arrays"]
         count, start = int(np.prod(shape)), 4 + length
-        positions = (
-            np.frombuffer(data[start : start + 2 * count], np.float16).astype(float).reshape(shape)
-        )
+        positions = np.frombuffer(data[start : start + 2 * count], np.float16).astype(float).reshape(shape)
         faces = np.frombuffer(data[start + 2 * count :], np.float32).astype(int).reshape(faces)
         a, b, c = np.moveaxis(positions[:, faces], 2, 0)
         areas = np.linalg.norm(np.cross(b - a, c - a), axis=-1).sum(-1) / 2

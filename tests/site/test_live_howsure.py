@@ -21,9 +21,7 @@ class TestOnTheSite(OnTheSite):
     def test_one_landmark_more_lowers_the_mean(self, shown):
         shown.reset()
         before = shown.number("lies within")
-        slider = shown.root.get_by_role(
-            "slider", name="landmarks", exact=True
-        )  # gamma's name has the word, too
+        slider = shown.root.get_by_role("slider", name="landmarks", exact=True)  # gamma's name has the word, too
         shown.press(slider, "ArrowRight")
         assert shown.number("lies within") < before
 

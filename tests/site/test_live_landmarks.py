@@ -40,9 +40,7 @@ class TestOnTheSite(OnTheSite):
         for k in (0, 7):
             shown.choose("sulcus", str(1 - k % 2))
             shown.choose("sulcus", str(k))
-            assert np.array_equal(
-                pair.moving.disk.z[shown.data()["answer"]["network"]], detected[k]
-            )
+            assert np.array_equal(pair.moving.disk.z[shown.data()["answer"]["network"]], detected[k])
 
     def test_ends_are_dragged_and_moved_by_keys(self, shown, live):
         shown.reset()
@@ -53,20 +51,14 @@ class TestOnTheSite(OnTheSite):
         moved = shown.state()["ends"]["1"]
         assert abs(complex(*place_of("first", moved)) - complex(*there)) < 0.03
         assert "Ends of your own" in shown.words and "stored for the named sulci" in shown.words
-        assert (
-            shown.data()["answer"]["path"][0] == start
-            and shown.data()["answer"]["path"][-1] == moved
-        )
+        assert shown.data()["answer"]["path"][0] == start and shown.data()["answer"]["path"][-1] == moved
         shown.press(canvas, "ArrowUp")
         assert place_of("first", shown.state()["ends"]["1"])[1] > place_of("first", moved)[1]
 
     def test_ends_that_meet_are_refused(self, shown, live):
         shown.reset()
         start, _ = live.ends(dict(live.initial))
-        picture, link = (
-            shown.pictures(),
-            "#live-landmarks=" + quote(json.dumps({"ends": {"1": start}})),
-        )
+        picture, link = (shown.pictures(), "#live-landmarks=" + quote(json.dumps({"ends": {"1": start}})))
         shown.after(lambda: shown.page.evaluate("link => { location.href = link; }", link))
         assert "both ends are at the same place" in shown.said and shown.pictures() == picture
 
@@ -87,6 +79,4 @@ class TestInJupyterLab(InJupyterLab):
     name, live, gap, sets = "landmarks", "Landmarks()", 1e-3, {"sulcus": 3, "depth": 3.5}
 
     def test_python_reads_path_and_curve(self, shown):
-        shown.tab.until(
-            "len(landmarks.found['path']) > 5 and len(landmarks.found['tuner']['starts']) == 5"
-        )
+        shown.tab.until("len(landmarks.found['path']) > 5 and len(landmarks.found['tuner']['starts']) == 5")

@@ -33,8 +33,7 @@ class TestOnTheSite(OnTheSite):
         for name, value in (("strength", "0.6"), ("number of pins", "0")):
             shown.after(
                 lambda name=name, value=value: shown.slider(name).evaluate(
-                    "(e, value) => { e.value = value; e.dispatchEvent(new Event('change')); }",
-                    value,
+                    "(e, value) => { e.value = value; e.dispatchEvent(new Event('change')); }", value
                 )
             )
         right = shown.number("it is up to")

@@ -78,19 +78,11 @@ class TestOnTheSite(OnTheSite):
         page = silent_window.new_page()
         page.goto(site_address + self.page)
         root = page.locator(f".qc-live[data-page={self.name}]")
-        assert (
-            root.locator("img[alt]").count() == 1
-            and "JavaScript" in root.locator("[role=status]").inner_text()
-        )
+        assert root.locator("img[alt]").count() == 1 and "JavaScript" in root.locator("[role=status]").inner_text()
         page.close()
 
     def test_a_page_that_is_opened_by_a_link_starts_there(self, window, site_address):
-        view = View(
-            window,
-            site_address,
-            f"{self.page}#live-mobius={json.dumps({'size': 0.7})}",
-            script=LISTEN,
-        )
+        view = View(window, site_address, f"{self.page}#live-mobius={json.dumps({'size': 0.7})}", script=LISTEN)
         assert Explorable(view, self.name).slider(self.slider).input_value() == "0.7"
         view.page.close()
 
@@ -100,9 +92,7 @@ class TestInJupyterLab(InJupyterLab):
 
     def test_the_pole_is_dragged(self, shown):
         shown.reset()
-        shown.drag(
-            shown.root.locator("canvas").first, (START.real, START.imag), (0.2, 0.2), (-0.5, 0.0)
-        )
+        shown.drag(shown.root.locator("canvas").first, (START.real, START.imag), (0.2, 0.2), (-0.5, 0.0))
         shown.tab.until("abs(mobius.live.parameters(mobius.state)[0] + 0.5) < 1e-3")
 
     # What all explorables share.

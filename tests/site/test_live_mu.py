@@ -27,10 +27,7 @@ class TestOnTheSite(OnTheSite):
     def test_too_long_a_pull_has_no_fold(self, shown):
         shown.reset()
         shown.press(shown.slider("size of mu"), "End")
-        assert (
-            shown.number("largest .μ.") == pytest.approx(0.95, abs=2e-3)
-            and " 0 folds" in shown.words
-        )
+        assert shown.number("largest .μ.") == pytest.approx(0.95, abs=2e-3) and " 0 folds" in shown.words
 
     def test_dbsnet_stands_beside_the_exact_map(self, shown):
         shown.reset()
@@ -48,7 +45,4 @@ class TestInJupyterLab(InJupyterLab):
         shown.reset()
         shown.choose("mu as it is", "blank")
         shown.drag(shown.root.locator("canvas").first, (-0.4, 0.3), (-0.3, 0.3), (-0.2, 0.3))
-        shown.tab.until(
-            "len(mu.state['strokes']) == 4 and abs(abs(mu.live.coefficient(mu.state)).max() - "
-            "0.5) < 1e-3"
-        )
+        shown.tab.until("len(mu.state['strokes']) == 4 and abs(abs(mu.live.coefficient(mu.state)).max() - 0.5) < 1e-3")

@@ -12,17 +12,13 @@ ANSWER = ".widget-interact .jp-OutputArea-output"
 def up_to_the_tuner(source):
     """The page as far as its own tuner: what follows takes a minute and no part in it."""
     notebook = nbformat.read(source, as_version=4)
-    (tuner,) = [
-        k for k, cell in enumerate(notebook.cells) if "\n@ipywidgets.interact(" in cell.source
-    ]
+    (tuner,) = [k for k, cell in enumerate(notebook.cells) if "\n@ipywidgets.interact(" in cell.source]
     notebook.cells = notebook.cells[: tuner + 1]
     return notebook
 
 
 def test_a_moved_slider_changes_the_answer(browser, lab):
-    nbformat.write(
-        up_to_the_tuner(lab.root / "sources" / "live.ipynb"), lab.root / "planted" / "tuner.ipynb"
-    )
+    nbformat.write(up_to_the_tuner(lab.root / "sources" / "live.ipynb"), lab.root / "planted" / "tuner.ipynb")
     reader = Reader(browser, lab.address)
     page = reader.page
     reader.open("planted/tuner.ipynb")
@@ -36,8 +32,7 @@ def test_a_moved_slider_changes_the_answer(browser, lab):
     sliders.nth(2).locator(".noUi-handle").focus()
     page.keyboard.press("ArrowRight")
     page.wait_for_function(
-        "([place, before]) => ![...document.querySelectorAll(place)].some(e => "
-        "e.innerText.includes(before))",
+        "([place, before]) => ![...document.querySelectorAll(place)].some(e => e.innerText.includes(before))",
         arg=[ANSWER, before],
         timeout=30_000,
     )

@@ -14,12 +14,7 @@ from qcbook.explore_sulci import radius_on_control
 from qcbook.liveproblems import as_moved, example
 from qclearn.plane.mobius import best_mobius, mobius
 
-VIEWS = (
-    "turn of the surface in degrees",
-    "tilt of the surface in degrees",
-    "zoom",
-    "unfolded, 0 to 1",
-)
+VIEWS = ("turn of the surface in degrees", "tilt of the surface in degrees", "zoom", "unfolded, 0 to 1")
 NO_WEBGL = """const get = HTMLCanvasElement.prototype.getContext;
 HTMLCanvasElement.prototype.getContext = function(kind, ...more) {
   return kind === 'webgl' ? null : get.call(this, kind, ...more);
@@ -41,18 +36,12 @@ class TestOnTheSite(OnTheSite):
         worst = [off[problem.curve == label].mean() for label in np.unique(problem.curve)]
         assert f"Worst is the {cortices('cortex').names[int(np.argmax(worst))]}" in shown.words
         p, q = problem.moving, problem.target
-        before = np.linalg.norm(
-            np.subtract(*(lifted(points) for points in (mobius(p, *best_mobius(p, q)), q))), axis=1
-        )
+        before = np.linalg.norm(np.subtract(*(lifted(points) for points in (mobius(p, *best_mobius(p, q)), q))), axis=1)
         assert shown.number("Möbius map alone") == pytest.approx(before.mean(), abs=0.05)
 
     def test_the_surface_is_turned_by_mouse_and_keys(self, shown):
         shown.reset()
-        canvas, words, picture = (
-            shown.root.locator("canvas").first,
-            shown.words,
-            shown.pictures()[0],
-        )
+        canvas, words, picture = (shown.root.locator("canvas").first, shown.words, shown.pictures()[0])
         shown.drag_with_the_mouse(canvas, (0.3, 0.0), (-0.3, 0.1))
         state = shown.state()
         assert state["turn"] > 10 and state["tilt"] != 10
@@ -76,9 +65,7 @@ class TestOnTheSite(OnTheSite):
     def test_the_tuner_takes_the_state(self, shown):
         shown.reset()
         shown.press(shown.slider("beta"), "ArrowRight")
-        link = unquote(
-            shown.root.get_by_role("link", name="Take this to the tuner").get_attribute("href")
-        )
+        link = unquote(shown.root.get_by_role("link", name="Take this to the tuner").get_attribute("href"))
         page, state = link.split("#live-tuner=")
         assert page == "live.html" and json.loads(state)["beta"] == shown.state()["beta"]
 

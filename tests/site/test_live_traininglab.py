@@ -3,9 +3,7 @@
 import pytest
 
 pytestmark = pytest.mark.xdist_group("widgets in JupyterLab")
-LAB = (
-    "from qcbook.traininglab import training_lab\nlab = training_lab()\nlab.seconds.value = 2\nlab"
-)
+LAB = "from qcbook.traininglab import training_lab\nlab = training_lab()\nlab.seconds.value = 2\nlab"
 
 
 def test_it_trains_in_jupyterlab(notebook):

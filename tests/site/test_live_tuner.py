@@ -31,13 +31,9 @@ class TestOnTheSite(OnTheSite):
         shown.choose("problem", "twist")
         problem, words = example("twist").problem, shown.words
         for canvas, name, points in zip(
-            shown.root.locator("canvas").all(),
-            ("starts", "targets"),
-            (problem.moving, problem.target),
+            shown.root.locator("canvas").all(), ("starts", "targets"), (problem.moving, problem.target)
         ):
-            shown.drag_with_the_mouse(
-                canvas, (points[4].real, points[4].imag), (points[4].real + 0.1, points[4].imag)
-            )
+            shown.drag_with_the_mouse(canvas, (points[4].real, points[4].imag), (points[4].real + 0.1, points[4].imag))
             ((place, moved),) = shown.state()[name].items()
             assert place == "4" and abs(complex(*moved) - points[4] - 0.1) < 0.02
             shown.press(canvas, "PageDown")
@@ -80,9 +76,7 @@ class TestOnTheSite(OnTheSite):
         page = window.new_page()
         if missing:
             page.route(ASSETS + missing, lambda route: route.abort())
-        page.goto(
-            f"{site_address}{self.page}" + (f"#live-tuner={json.dumps(state)}" if state else "")
-        )
+        page.goto(f"{site_address}{self.page}" + (f"#live-tuner={json.dumps(state)}" if state else ""))
         words = page.locator(f"{ROOT} [role=status]:has-text('{says}')")
         words.wait_for(timeout=60_000)
         found = words.inner_text(), page.locator(ROOT).locator("img, canvas").count()
@@ -101,9 +95,7 @@ class TestOnTheSite(OnTheSite):
         assert page.locator(f"{ROOT} img[alt]").count() == 1
         page.close()
 
-    def test_without_its_weights_the_network_is_missing_and_the_fit_stays(
-        self, window, site_address
-    ):
+    def test_without_its_weights_the_network_is_missing_and_the_fit_stays(self, window, site_address):
         words, _ = self.said(window, site_address, "CP-Net: no map", missing="cpnet.bin")
         assert "exact fit: landmark error" in words
 
@@ -112,35 +104,18 @@ class TestOnTheSite(OnTheSite):
         assert "layers.wasm" in words and "cpnet.bin" not in words
 
     def test_a_map_that_fails_after_the_fit_says_why(self, window, site_address):
-        page, planted = (
-            window.new_page(),
-            (SITE / "_static" / "live" / "solvers.js").read_text(encoding="utf-8"),
-        )
-        planted = planted.replace(
-            "const harmonic = springs(mesh, request);", "throw new Error('a planted fault');"
-        )
-        page.route(
-            ASSETS + "solvers.js",
-            lambda route: route.fulfill(body=planted, content_type="text/javascript"),
-        )
+        page, planted = (window.new_page(), (SITE / "_static" / "live" / "solvers.js").read_text(encoding="utf-8"))
+        planted = planted.replace("const harmonic = springs(mesh, request);", "throw new Error('a planted fault');")
+        page.route(ASSETS + "solvers.js", lambda route: route.fulfill(body=planted, content_type="text/javascript"))
         page.goto(site_address + self.page)
-        status = page.locator(
-            f"{ROOT} [role=status]:has-text('harmonic map: no map, a planted fault')"
-        )
+        status = page.locator(f"{ROOT} [role=status]:has-text('harmonic map: no map, a planted fault')")
         status.wait_for(timeout=60_000)
-        assert (
-            "exact fit: landmark error" in status.inner_text()
-            and "still computing" not in status.inner_text()
-        )
+        assert "exact fit: landmark error" in status.inner_text() and "still computing" not in status.inner_text()
         assert status.get_attribute("aria-busy") == "false"
         page.close()
 
-    @pytest.mark.parametrize(
-        "name", ["problems.json", "worker.js", "kernels.wasm", "explore_tuner.js"]
-    )
-    def test_a_file_that_is_missing_is_named_and_the_picture_stays(
-        self, window, site_address, name
-    ):
+    @pytest.mark.parametrize("name", ["problems.json", "worker.js", "kernels.wasm", "explore_tuner.js"])
+    def test_a_file_that_is_missing_is_named_and_the_picture_stays(self, window, site_address, name):
         _, pictures = self.said(window, site_address, "cannot compute here", missing=name)
         assert pictures == 1
 
@@ -158,12 +133,5 @@ class TestInJupyterLab(InJupyterLab):
         shown.choose("problem", "twist")
         point = example("twist").problem.target[4]
         canvas = shown.root.locator("canvas").nth(1)
-        shown.drag(
-            canvas,
-            (point.real, point.imag),
-            (point.real + 0.05, point.imag),
-            (point.real + 0.1, point.imag),
-        )
-        shown.tab.until(
-            f"abs(complex(*tuner.state['targets'].get('4', (9, 9))) - {point + 0.1}) < 1e-3"
-        )
+        shown.drag(canvas, (point.real, point.imag), (point.real + 0.05, point.imag), (point.real + 0.1, point.imag))
+        shown.tab.until(f"abs(complex(*tuner.state['targets'].get('4', (9, 9))) - {point + 0.1}) < 1e-3")

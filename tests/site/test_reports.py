@@ -6,10 +6,10 @@ import re
 
 import pytest
 from matplotlib.figure import Figure
-from meshes import bowl
 from test_live_sulci import NO_WEBGL
 from view import NARROW, WIDE, View
 
+from meshes import bowl
 from qclearn.cli import main
 from qclearn.io.meshes import write_surface
 
@@ -17,9 +17,7 @@ pytestmark = pytest.mark.xdist_group("reports")
 TURNED = [{"name": "east", "moving": list(range(1, 145, 24)), "control": list(range(2, 146, 24))}]
 LIGHT = """canvas => { const gl = canvas.getContext("webgl"), pixel = new Uint8Array(4);
     gl.readPixels(canvas.width / 2, canvas.height / 2, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel); return pixel[0]; }"""
-SHOWN = (
-    "() => [...document.querySelectorAll('.stack > div')].map(e => getComputedStyle(e).visibility)"
-)
+SHOWN = "() => [...document.querySelectorAll('.stack > div')].map(e => getComputedStyle(e).visibility)"
 
 
 @pytest.fixture(scope="module")
@@ -32,18 +30,10 @@ def pages(tmp_path_factory):
     (folder / "east.json").write_text(json.dumps({"curves": TURNED}))
     for name, height in (("one", 0.6), ("two", 0.8), ("six", 1.4)):
         write_surface(folder / f"{name}.npz", bowl(height, lean=0.3))
-        words = [
-            "register",
-            folder / f"{name}.npz",
-            folder / "control.npz",
-            "--landmarks",
-            folder / "east.json",
-        ]
+        words = ["register", folder / f"{name}.npz", folder / "control.npz", "--landmarks", folder / "east.json"]
         run(*words, "--no-features", "--out", folder / name)
     run("report", folder / "one", "--out", folder / "one" / "report.html")
-    run(
-        "report", *(folder / name for name in ("one", "two", "six")), "--out", folder / "group.html"
-    )
+    run("report", *(folder / name for name in ("one", "two", "six")), "--out", folder / "group.html")
     patch.undo()
     return folder
 
@@ -115,9 +105,7 @@ def test_the_surface_is_turned_and_its_map_changed_by_keys_and_mouse(view):
     box = canvas.bounding_box()
     view.page.mouse.move(box["x"] + 200, box["y"] + 100)
     view.page.mouse.wheel(0, -300)
-    view.page.wait_for_function(
-        "old => document.querySelector('canvas').toDataURL() != old", arg=seen[0]
-    )
+    view.page.wait_for_function("old => document.querySelector('canvas').toDataURL() != old", arg=seen[0])
     view.page.mouse.down()
     view.page.mouse.move(box["x"] + 260, box["y"] + 120, steps=3)
     view.page.mouse.up()
@@ -135,10 +123,7 @@ def test_the_surface_shows_the_map_that_was_sent(window, pages):
     page, light = (pages / "one" / "report.html").read_text(), []
     for tone in "A/":
         changed = re.sub(
-            r'"tones": "[^"=]*',
-            lambda found, tone=tone: '"tones": "' + tone * (len(found[0]) - 10),
-            page,
-            count=1,
+            r'"tones": "[^"=]*', lambda found, tone=tone: '"tones": "' + tone * (len(found[0]) - 10), page, count=1
         )
         (pages / "toned.html").write_text(changed)
         for view in opened(window, pages, "toned.html"):

@@ -29,14 +29,10 @@ def test_no_page_takes_more_memory_than_a_student_has():
 
 @pytest.mark.parametrize("page", ["fourier", "live"])
 def test_there_are_widgets(page):
-    assert "application/vnd.jupyter.widget-view+json" in (SITE / f"{page}.html").read_text(
-        encoding="utf-8"
-    )
+    assert "application/vnd.jupyter.widget-view+json" in (SITE / f"{page}.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize(
-    "path", sorted((ROOT / "book").glob("*.ipynb")), ids=lambda path: path.stem
-)
+@pytest.mark.parametrize("path", sorted((ROOT / "book").glob("*.ipynb")), ids=lambda path: path.stem)
 def test_a_page_offers_its_notebook(path):
     assert f"_sources/{path.name}" in (SITE / f"{path.stem}.html").read_text(encoding="utf-8")
 

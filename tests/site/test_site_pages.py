@@ -26,10 +26,7 @@ NARROW_AND_DARK = ["color-contrast", "scrollable-region-focusable", "button-name
 
 
 # xdist keeps a page's tests on one worker by the group's name.
-@pytest.fixture(
-    scope="module",
-    params=[pytest.param(name, marks=pytest.mark.xdist_group(name)) for name in PAGES],
-)
+@pytest.fixture(scope="module", params=[pytest.param(name, marks=pytest.mark.xdist_group(name)) for name in PAGES])
 def view(request, window, site_address):
     view = View(window, site_address, request.param)
     yield view
@@ -50,8 +47,7 @@ def test_formulas_are_typeset(view):
 
 def test_a_page_is_at_most_twenty_screens_long(view):
     length = view.page.evaluate(
-        "() => document.querySelector('article, main:not(:has(article))').scrollHeight / "
-        "innerHeight"
+        "() => document.querySelector('article, main:not(:has(article))').scrollHeight / innerHeight"
     )
     assert length <= SCREENS
 
@@ -99,24 +95,17 @@ def test_no_control_can_be_used(view):
     assert view.page.locator(LIVE).count() == 0
     for name, value in (("aria-disabled", "true"), ("tabindex", "-1")):
         assert set(view.all(HANDLES, f"e.getAttribute('{name}')")) <= {value}
-    assert (
-        view.page.locator(".jupyter-widgets .widget-readout[contenteditable='true']").count() == 0
-    )
+    assert view.page.locator(".jupyter-widgets .widget-readout[contenteditable='true']").count() == 0
 
 
 def test_handles_have_the_names_of_their_sliders(view):
     names = view.all(HANDLES, "e.getAttribute('aria-label')")
-    labels = view.all(
-        HANDLES, "e.closest('.jupyter-widgets').querySelector('.widget-label').textContent"
-    )
+    labels = view.all(HANDLES, "e.closest('.jupyter-widgets').querySelector('.widget-label').textContent")
     assert names == labels and all(names)
 
 
 def test_neither_key_nor_mouse_moves_a_handle(view):
-    handle, readout = (
-        view.page.locator(HANDLES).first,
-        view.page.locator(".jupyter-widgets .widget-readout").first,
-    )
+    handle, readout = (view.page.locator(HANDLES).first, view.page.locator(".jupyter-widgets .widget-readout").first)
     if not handle.count():
         return
     before = handle.get_attribute("aria-valuenow"), readout.inner_text()
@@ -155,11 +144,7 @@ def test_everybody_can_read_a_scene(view):
     if view.page.locator("iframe.scene").count() == 0:
         return
     view.page.frame_locator(SCENE).first.locator("canvas").first.wait_for(timeout=20_000)
-    scenes = [
-        frame
-        for frame in view.page.frames
-        if frame != view.page.main_frame and frame.locator("canvas").count()
-    ]
+    scenes = [frame for frame in view.page.frames if frame != view.page.main_frame and frame.locator("canvas").count()]
     assert scenes, "no scene was loaded"
     assert [finding for frame in scenes for finding in axe_findings(frame)] == []
 
@@ -182,9 +167,7 @@ def test_nothing_comes_from_elsewhere(narrow):
 
 
 def test_it_weighs_at_most_eight_megabytes(narrow):
-    assert sum(narrow.sizes.values()) < 8e6, sorted(
-        narrow.sizes.items(), key=lambda item: -item[1]
-    )[:5]
+    assert sum(narrow.sizes.values()) < 8e6, sorted(narrow.sizes.items(), key=lambda item: -item[1])[:5]
 
 
 def test_nothing_fails_and_nothing_complains(narrow):

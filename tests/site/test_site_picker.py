@@ -17,15 +17,12 @@ def test_landmarks_are_clicked_named_undone_and_saved(notebook):
     page = notebook.page
     notebook.add(MAKE)
     moving, control = (
-        page.get_by_role("application", name=re.compile(f"^{side} surface:"))
-        for side in ("moving", "control")
+        page.get_by_role("application", name=re.compile(f"^{side} surface:")) for side in ("moving", "control")
     )
     said = page.locator(".jp-OutputArea [role=status]")
     moving.locator("img").wait_for(timeout=120_000)
     notebook.until("'picker' in globals()", 60)
-    expected = [
-        notebook.run(f"print(picker.views['moving'].vertex_at({x}, 200))") for x in (200, 260)
-    ]
+    expected = [notebook.run(f"print(picker.views['moving'].vertex_at({x}, 200))") for x in (200, 260)]
     for x in (200, 260):
         moving.locator("img").click(position={"x": x, "y": 200})
     said.filter(has_text="curve 1 lacks ends: 2 on the control side.").wait_for()
@@ -54,10 +51,5 @@ def test_landmarks_are_clicked_named_undone_and_saved(notebook):
     (curve,) = contents["curves"]
     assert curve["name"] == "a sulcus" and [*map(str, curve["moving"])] == expected
     assert len(set(curve["control"])) == 2 and set(contents["surfaces"]) == {"moving", "control"}
-    assert (
-        axe_findings(
-            page, page.locator(".jp-OutputArea .widget-subarea, .jp-OutputArea-output").last
-        )
-        == []
-    )
+    assert axe_findings(page, page.locator(".jp-OutputArea .widget-subarea, .jp-OutputArea-output").last) == []
     assert notebook.complaints == []

@@ -23,8 +23,7 @@ TALL = "<div id='planted' style='height: 800px'></div>"
 
 
 @pytest.fixture(
-    scope="module",
-    params=[pytest.param(name, marks=pytest.mark.xdist_group(name)) for name in decks.TITLES],
+    scope="module", params=[pytest.param(name, marks=pytest.mark.xdist_group(name)) for name in decks.TITLES]
 )
 def deck(request, window, site_address):
     if not (SITE / "decks" / f"{request.param}.html").exists():
@@ -48,28 +47,20 @@ def test_no_slide_is_larger_than_the_window(deck):
     assert too_large(deck) == []
     last = deck.page.locator(".slides > section > section").last
     last.evaluate("(section, html) => section.insertAdjacentHTML('beforeend', html)", TALL)
-    assert [number for number, _, _ in too_large(deck)] == [
-        deck.page.locator(".slides > section").count()
-    ]
+    assert [number for number, _, _ in too_large(deck)] == [deck.page.locator(".slides > section").count()]
     last.locator("#planted").evaluate("e => e.remove()")
 
 
 def test_formulas_are_typeset_and_pictures_described(deck):
-    assert (
-        deck.page.locator("mjx-container").count() > 3
-        and deck.page.locator("mjx-merror").count() == 0
-    )
-    assert deck.all(".slides img", "e.alt.length > 40") != [] and all(
-        deck.all(".slides img", "e.alt.length > 40")
-    )
+    assert deck.page.locator("mjx-container").count() > 3 and deck.page.locator("mjx-merror").count() == 0
+    assert deck.all(".slides img", "e.alt.length > 40") != [] and all(deck.all(".slides img", "e.alt.length > 40"))
     assert axe_findings(deck.page, deck.page.locator(".slides")) == []
 
 
 def test_an_explorable_answers_and_keeps_its_keys(deck):
     name = deck.page.locator(".qc-live").first.get_attribute("data-page")
     number = deck.page.evaluate(
-        "e => [...document.querySelectorAll('.slides > section')].findIndex(s => "
-        "s.querySelector('.qc-live'))"
+        "e => [...document.querySelectorAll('.slides > section')].findIndex(s => s.querySelector('.qc-live'))"
     )
     deck.page.evaluate("number => Reveal.slide(number)", number)
     shown = Explorable(deck, name)

@@ -3,11 +3,11 @@ and copies, and the same question on the page as in the notebook."""
 
 import nbformat
 import pytest
-from leaks import drift, graded_lines, leaks, page_lines, text_of
 from places import COPIES, SITE
 
 from book.builder import course, references
 from book.builder.graded import EXERCISES, PLACE, call
+from leaks import drift, graded_lines, leaks, page_lines, text_of
 
 KINDS = {".html", ".ipynb", ".md", ".txt", ".py", ".js", ".json"}
 
@@ -30,17 +30,12 @@ def test_no_solution_of_a_graded_exercise_is_in_anything_that_was_built(student)
 
 def test_downloads_and_copies_have_no_solution():
     for page, lines in page_lines().items():
-        assert (
-            leaks([SITE / "_sources" / f"{page}.ipynb", COPIES / f"{page}.ipynb"], {page: lines})
-            == {}
-        )
+        assert leaks([SITE / "_sources" / f"{page}.ipynb", COPIES / f"{page}.ipynb"], {page: lines}) == {}
 
 
 def test_the_site_has_the_solutions_of_other_exercises():
     found = {
-        page: lines
-        for page, lines in page_lines().items()
-        if lines and leaks([SITE / f"{page}.html"], {page: lines})
+        page: lines for page, lines in page_lines().items() if lines and leaks([SITE / f"{page}.html"], {page: lines})
     }
     assert len(found) > 10
 
@@ -50,10 +45,7 @@ def test_the_sites_pages_and_the_notebook_ask_the_same(student):
     for path in sorted(references.BOOK.glob("*.ipynb")):
         text = "\n".join(cell.source for cell in nbformat.read(path, as_version=4).cells)
         if names := set(PLACE.findall(text)):
-            assert (
-                list(drift(nbformat.read(SITE / "_sources" / path.name, as_version=4), notebook))
-                == []
-            )
+            assert list(drift(nbformat.read(SITE / "_sources" / path.name, as_version=4), notebook)) == []
             shown = text_of(SITE / f"{path.stem}.html")
             assert [name for name in names if call(EXERCISES[name]) not in shown] == []
             asked |= names

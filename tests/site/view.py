@@ -46,9 +46,7 @@ class Tab:
         self.page = window.new_page()
         self.page.set_viewport_size({"width": width, "height": 900})
         self.page.on("request", lambda request: self.requests.append(request.url))
-        self.page.on(
-            "requestfailed", lambda request: self.complaints.append(f"failed: {request.url}")
-        )
+        self.page.on("requestfailed", lambda request: self.complaints.append(f"failed: {request.url}"))
         self.page.on("response", self.receive)
         self.page.on("console", self.hear)
         self.page.on("pageerror", lambda error: self.complaints.append(error.message))
@@ -70,11 +68,7 @@ class Tab:
 
     def from_elsewhere(self):
         """What the page asked for that is not of its own server."""
-        return [
-            url
-            for url in self.requests
-            if not url.startswith((self.address, "data:", "blob:", "about:"))
-        ]
+        return [url for url in self.requests if not url.startswith((self.address, "data:", "blob:", "about:"))]
 
 
 class View(Tab):

@@ -26,38 +26,27 @@ def tool(tmp_path, monkeypatch):
 
 def begun(folder, steps):
     folder.mkdir()
-    (folder / "config.json").write_text(
-        json.dumps({"network": {"loss": "maps"}, "training": {"steps": 1100}})
-    )
+    (folder / "config.json").write_text(json.dumps({"network": {"loss": "maps"}, "training": {"steps": 1100}}))
     lines = [f"{step},0.5,{0.7 - step / 1e5},60.0" for step in steps]
-    (folder / "log.csv").write_text(
-        "\n".join(["step,loss,validation_comes,seconds", *lines]) + "\n"
-    )
+    (folder / "log.csv").write_text("\n".join(["step,loss,validation_comes,seconds", *lines]) + "\n")
 
 
 def test_every_run_names_a_network_that_can_be_built(tool):
     for name, run in tool.runs().items():
         config = run.config | ({} if run.gamma is None else {"gamma": run.gamma})
-        if (
-            run.network != "dbsnet" or "small" in name
-        ):  # those of the whole square take a second each
+        if run.network != "dbsnet" or "small" in name:  # those of the whole square take a second each
             assert build(run.network, config).config.preset == run.config["preset"]
         assert name.startswith(f"{run.network}-") and tool.steps_of(run) > 0
 
 
 def test_what_is_left_and_the_logs(tool, tmp_path, capsys):
     begun(tmp_path / "dbsnet-paper-maps-1100", (275, 550))
-    tool.show_left(
-        {name: run for name, run in tool.runs().items() if name.startswith("dbsnet-paper-maps")}
-    )
+    tool.show_left({name: run for name, run in tool.runs().items() if name.startswith("dbsnet-paper-maps")})
     first, second, _ = capsys.readouterr().out.splitlines()
     assert "550 of   1100 steps" in first and "about 1 min left" in first and "not begun" in second
     tool.write_curves(tmp_path / "training.json")
     curves = json.loads((tmp_path / "training.json").read_text())
-    assert (
-        list(curves) == ["dbsnet-paper-maps-1100"]
-        and curves["dbsnet-paper-maps-1100"]["commit"] is None
-    )
+    assert list(curves) == ["dbsnet-paper-maps-1100"] and curves["dbsnet-paper-maps-1100"]["commit"] is None
     assert curves["dbsnet-paper-maps-1100"]["log"]["validation_comes"] == [0.69725, 0.6945]
 
 
@@ -68,9 +57,7 @@ def test_a_tree_with_changes_trains_nothing(tool, monkeypatch):
         tool.main()
 
 
-def test_runs_go_side_by_side_and_one_that_fails_does_not_stop_the_others(
-    tool, monkeypatch, capsys
-):
+def test_runs_go_side_by_side_and_one_that_fails_does_not_stop_the_others(tool, monkeypatch, capsys):
     most, working = [], []
 
     class Process:

@@ -5,9 +5,9 @@ import warnings
 import numpy as np
 import pytest
 import pyvista
-from meshes import boundary_loop, random_disk, strip
 from scipy import sparse
 
+from meshes import boundary_loop, random_disk, strip
 from qclearn.io.fsaverage import fsaverage5
 from qclearn.plane.beltrami import beltrami_coefficient
 from qclearn.plane.bijectivity import RepairWarning
@@ -53,10 +53,7 @@ def test_flat_disk_is_left_alone_but_for_the_gauge():
     first = boundary_loop(faces)[0]
     f = mapped(Surface(np.stack([z.real, z.imag, 0 * z.real], 1), faces))
     np.testing.assert_allclose(f, z / z[first], atol=2e-3)
-    assert (
-        abs(angle_distortion(Surface(np.stack([z.real, z.imag, 0 * z.real], 1), faces), f)).max()
-        < 0.6
-    )
+    assert abs(angle_distortion(Surface(np.stack([z.real, z.imag, 0 * z.real], 1), faces), f)).max() < 0.6
 
 
 def test_spherical_cap_is_mapped_by_stereographic_projection():
@@ -111,9 +108,7 @@ def test_long_strip(length):
     """Its ends cover exp(-pi length / 2) of the circle: less than rounding resolves, from a length
     of 15 on."""
     w, faces = strip(4 * length, 4)
-    surface = Surface(
-        np.stack([length * w.real, w.imag, 0.1 * np.sin(5 * length * w.real)], 1), faces
-    )
+    surface = Surface(np.stack([length * w.real, w.imag, 0.1 * np.sin(5 * length * w.real)], 1), faces)
     z = mapped(surface)
     if length <= 10:
         assert abs(angle_distortion(surface, z)).mean() < 16
@@ -128,13 +123,10 @@ def largest_disk(vertices, faces):
     n = len(vertices)
     while True:
         tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-        edge = np.unique(
-            np.minimum(tails, heads) * n + np.maximum(tails, heads), return_inverse=True
-        )[1]
+        edge = np.unique(np.minimum(tails, heads) * n + np.maximum(tails, heads), return_inverse=True)[1]
         nodes = len(faces) + edge.max() + 1  # faces and edges
         link = sparse.coo_array(
-            (np.ones(edge.size), (np.repeat(np.arange(len(faces)), 3), len(faces) + edge)),
-            shape=(nodes, nodes),
+            (np.ones(edge.size), (np.repeat(np.arange(len(faces)), 3), len(faces) + edge)), shape=(nodes, nodes)
         )
         piece = sparse.csgraph.connected_components(link, directed=False)[1][: len(faces)]
         kept = piece == np.bincount(piece).argmax()
@@ -169,12 +161,7 @@ def noisy(surface, rng, amount):
     ends = surface.vertices[surface.edges]
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).mean()
     shift = rng.normal(size=surface.vertices.shape)
-    shift *= (
-        amount
-        * length
-        * rng.uniform(size=(len(shift), 1))
-        / np.linalg.norm(shift, axis=1, keepdims=True)
-    )
+    shift *= amount * length * rng.uniform(size=(len(shift), 1)) / np.linalg.norm(shift, axis=1, keepdims=True)
     return Surface(surface.vertices + shift, surface.faces)
 
 
@@ -187,8 +174,7 @@ def with_slivers(surface, rng, count, flatness):
     new = len(surface.vertices) + np.arange(count)
     parts = np.concatenate([np.stack(part, 1) for part in ((a, b, new), (b, c, new), (c, a, new))])
     return Surface(
-        np.concatenate([surface.vertices, points]),
-        np.concatenate([np.delete(surface.faces, chosen, axis=0), parts]),
+        np.concatenate([surface.vertices, points]), np.concatenate([np.delete(surface.faces, chosen, axis=0), parts])
     )
 
 
@@ -200,24 +186,18 @@ def decimated(surface, rng, kept):
 def peninsula(surface, rng, steps):
     """A corridor cut out on both sides along a path into the surface, left attached at its inner
     end only."""
-    graph = sparse.coo_array(
-        (np.ones(len(surface.edges)), surface.edges.T), shape=(len(surface.vertices),) * 2
-    )
-    depth = sparse.csgraph.dijkstra(
-        graph, directed=False, indices=surface.boundary, unweighted=True, min_only=True
-    )
+    graph = sparse.coo_array((np.ones(len(surface.edges)), surface.edges.T), shape=(len(surface.vertices),) * 2)
+    depth = sparse.csgraph.dijkstra(graph, directed=False, indices=surface.boundary, unweighted=True, min_only=True)
     start = surface.boundary[int(rng.integers(len(surface.boundary)))]
     away = sparse.csgraph.dijkstra(graph, directed=False, indices=start, unweighted=True)
     inside = np.flatnonzero(depth >= steps)
-    previous = sparse.csgraph.dijkstra(
-        graph, directed=False, indices=start, unweighted=True, return_predecessors=True
-    )[1]
+    previous = sparse.csgraph.dijkstra(graph, directed=False, indices=start, unweighted=True, return_predecessors=True)[
+        1
+    ]
     path = [inside[away[inside].argmin()]]
     while path[-1] != start:
         path.append(previous[path[-1]])
-    distance = sparse.csgraph.dijkstra(
-        graph, directed=False, indices=path, unweighted=True, min_only=True
-    )
+    distance = sparse.csgraph.dijkstra(graph, directed=False, indices=path, unweighted=True, min_only=True)
     wall = (distance[surface.faces].min(1) >= 1) & (distance[surface.faces].max(1) <= 2)
     wall &= away[surface.faces].max(1) <= steps - 2
     return largest_disk(surface.vertices, surface.faces[~wall])
@@ -226,9 +206,7 @@ def peninsula(surface, rng, steps):
 STRESS = [(without_rings, k) for k in (1, 2, 4, 8)] + [(ragged, k) for k in (1, 2, 3, 5, 8)]
 STRESS += [(noisy, amount) for amount in (0.1, 0.25, 0.5, 0.5, 0.5)]
 STRESS += [(with_slivers, 600, flatness) for flatness in (0.1, 0.01, 1e-3, 1e-5)]
-STRESS += [(decimated, kept) for kept in (0.5, 0.3, 0.2, 0.1, 0.05)] + [
-    (peninsula, steps) for steps in (6, 10, 14)
-]
+STRESS += [(decimated, kept) for kept in (0.5, 0.3, 0.2, 0.1, 0.05)] + [(peninsula, steps) for steps in (6, 10, 14)]
 COMBINED = [
     ((ragged, 3), (noisy, 0.5)),
     ((decimated, 0.2), (ragged, 3)),
@@ -250,9 +228,7 @@ def stressed(surface, variant, seed):
 @pytest.mark.parametrize(
     "number",
     range(len(VARIANTS)),
-    ids=lambda number: "-".join(
-        f"{change.__name__} {arguments[-1]}" for change, *arguments in VARIANTS[number]
-    ),
+    ids=lambda number: "-".join(f"{change.__name__} {arguments[-1]}" for change, *arguments in VARIANTS[number]),
 )
 def test_stressed_cortex_has_no_flipped_triangle(number):
     mapped(stressed(fsaverage5(*FOUR[number % 4]), VARIANTS[number], number))
@@ -277,6 +253,4 @@ def test_what_is_no_disk():
 
 def test_disk_without_interior_vertex():
     with pytest.raises(SurfaceError, match="no interior vertex"):
-        disk_conformal_map(
-            Surface([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
-        )
+        disk_conformal_map(Surface([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]]))

@@ -4,8 +4,8 @@ import warnings
 
 import numpy as np
 import pytest
-from known_surfaces import icosphere, revolution, sheet
 
+from known_surfaces import icosphere, revolution, sheet
 from qclearn.io.fsaverage import fsaverage5
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.grids import pixel_centres, polar_disk
@@ -27,12 +27,8 @@ def test_sphere_is_exact():
     ball = icosphere(3)
     vertices, faces = ball.vertices, ball.faces
     for r in (0.01, 70.0):
-        np.testing.assert_allclose(
-            mean_curvature(Surface(r * vertices + 5, faces)), 1 / r, rtol=1e-9
-        )
-    np.testing.assert_allclose(
-        mean_curvature(Surface(2 * vertices, faces[:, ::-1])), -0.5, rtol=1e-9
-    )
+        np.testing.assert_allclose(mean_curvature(Surface(r * vertices + 5, faces)), 1 / r, rtol=1e-9)
+    np.testing.assert_allclose(mean_curvature(Surface(2 * vertices, faces[:, ::-1])), -0.5, rtol=1e-9)
 
 
 def test_ellipsoid_converges_on_average():
@@ -54,9 +50,7 @@ def test_ellipsoid_converges_on_average():
 
 @pytest.mark.parametrize("a, b", [(1.0, 0.3), (0.3, 1.0), (-0.5, 0.5)])
 def test_saddle_has_the_sign_of_its_stronger_bend(a, b):
-    surface, x, y = sheet(
-        41, 2.0, lambda x, y: (a * (x - 1) ** 2 - b * (y - 1) ** 2) / 2
-    )  # k = -a and b from above
+    surface, x, y = sheet(41, 2.0, lambda x, y: (a * (x - 1) ** 2 - b * (y - 1) ** 2) / 2)  # k = -a and b from above
     centre = np.hypot(x - 1, y - 1).argmin()
     assert mean_curvature(surface)[centre] == pytest.approx((b - a) / 2, rel=0.01)
     turned = Surface(surface.vertices, surface.faces[:, ::-1])
@@ -71,18 +65,10 @@ def test_curvature_survives_the_rim_and_slivers():
     split = faces[::10]
     a, b, c = split.T
     new = len(vertices) + np.arange(len(split))
-    points = np.concatenate(
-        [vertices, np.tensordot([0.5 - 1e-9, 0.5 - 1e-9, 2e-9], vertices[split], (0, 1))]
-    )
+    points = np.concatenate([vertices, np.tensordot([0.5 - 1e-9, 0.5 - 1e-9, 2e-9], vertices[split], (0, 1))])
     parts = [np.stack(corners, 1) for corners in ((a, b, new), (b, c, new), (c, a, new))]
-    curvature = mean_curvature(
-        Surface(points, np.concatenate([np.delete(faces, np.s_[::10], 0), *parts]))
-    )
-    assert (
-        curvature.min() > -1e-3
-        and curvature.max() < 4
-        and np.median(curvature) == pytest.approx(1, abs=0.05)
-    )
+    curvature = mean_curvature(Surface(points, np.concatenate([np.delete(faces, np.s_[::10], 0), *parts])))
+    assert curvature.min() > -1e-3 and curvature.max() < 4 and np.median(curvature) == pytest.approx(1, abs=0.05)
 
 
 def test_curvature_without_inner_vertex_is_refused():
@@ -106,9 +92,7 @@ def test_depth_of_a_dent_in_a_sphere():
     scale = np.sqrt(2 * np.pi * (1 - np.cos(opening)) + np.pi * np.sin(opening) ** 2)
     ball, voxel = 0.05 * scale, scale / 130
     ball_centre = np.cos(mouth) + np.sqrt(ball**2 - np.sin(mouth) ** 2)
-    floor = np.flatnonzero(
-        np.repeat(angle, np.r_[1, np.full(len(angle) - 1, 96)]) < mouth / 2 + 1e-9
-    )
+    floor = np.flatnonzero(np.repeat(angle, np.r_[1, np.full(len(angle) - 1, 96)]) < mouth / 2 + 1e-9)
     exact = np.linalg.norm(surface.vertices[floor] - [0, 0, ball_centre], axis=1) - ball
     measured = sulcal_depth(surface)
     np.testing.assert_allclose(measured[floor], exact, atol=voxel)
@@ -119,15 +103,10 @@ def test_depth_of_a_dent_in_a_sphere():
 
 
 def test_a_chamber_behind_a_closed_mouth_is_deep():
-    chamber, neck = (
-        0.5,
-        0.08,
-    )  # wider than the ball: without filling, its middle would count as outside
+    chamber, neck = (0.5, 0.08)  # wider than the ball: without filling, its middle would count as outside
     inner, outer = np.arcsin(neck / chamber), np.arcsin(neck)
     tube = neck + 1j * np.linspace(chamber * np.cos(inner), np.cos(outer), 12)
-    surface = revolution(
-        np.concatenate([arc(chamber, np.pi, inner, 40), tube[1:-1], arc(1, outer, 2.9, 80)])
-    )
+    surface = revolution(np.concatenate([arc(chamber, np.pi, inner, 40), tube[1:-1], arc(1, outer, 2.9, 80)]))
     wall = abs(np.linalg.norm(surface.vertices, axis=1) - chamber) < 1e-9
     wall &= abs(surface.vertices[:, 2]) < 0.3  # away from the neck and the flat lid
     np.testing.assert_allclose(sulcal_depth(surface)[wall], 1 - chamber, atol=0.03)
@@ -183,13 +162,9 @@ def test_area_under_pixels(crowded):
 def test_pixels_count_where_they_lie(crowded):
     surface, w, _ = crowded
     plain = AreaRadius(np.array([0.0, 1.0]), np.array([0.0, 1.0]))
-    areas = area_under_pixels(
-        surface, 0.3 * w + 0.5j, plain, 32
-    )  # a disk in the upper half, y from 0.2 to 0.8
+    areas = area_under_pixels(surface, 0.3 * w + 0.5j, plain, 32)  # a disk in the upper half, y from 0.2 to 0.8
     row, column = np.nonzero(areas)
-    assert (2 * row.min() / 32 - 1, 2 * (row.max() + 1) / 32 - 1) == pytest.approx(
-        (0.2, 0.8), abs=0.07
-    )
+    assert (2 * row.min() / 32 - 1, 2 * (row.max() + 1) / 32 - 1) == pytest.approx((0.2, 0.8), abs=0.07)
     assert row.mean() > 20 and column.mean() == pytest.approx(15.5, abs=0.01)
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from known_surfaces import grid, sphere, torus_mesh
 
+from known_surfaces import grid, sphere, torus_mesh
 from qclearn.io.fsaverage import fsaverage5
 from qclearn.surfaces.opening import open_surface
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror, require_disk, require_outward
@@ -55,9 +55,7 @@ def test_curves_follow_their_vertices_or_are_refused():
     opened, index = open_surface(carrying, cap)
     np.testing.assert_array_equal(index[opened.curves["south"]], low)
     crossing = Surface(sphere().vertices, sphere().faces, {"meridian": [*low, high]})
-    with pytest.raises(
-        SurfaceError, match=f"'meridian' would lose 1 of its 5 vertices, the first {high}.*shorten"
-    ):
+    with pytest.raises(SurfaceError, match=f"'meridian' would lose 1 of its 5 vertices, the first {high}.*shorten"):
         open_surface(crossing, cap)
 
 
@@ -73,10 +71,7 @@ def test_a_mask_of_pinholes_is_refused():
     """Of scattered holes one would open and the others be filled: that is no medial wall."""
     mask = np.zeros(len(sphere().vertices), dtype=bool)
     mask[[3, 200, 400, 600]] = True
-    with pytest.raises(
-        SurfaceError,
-        match="only a pinhole would open: 3 of the mask's 4 vertices.*one piece.*smooth",
-    ):
+    with pytest.raises(SurfaceError, match="only a pinhole would open: 3 of the mask's 4 vertices.*one piece.*smooth"):
         open_surface(sphere(), mask)
 
 
@@ -160,9 +155,7 @@ def test_a_second_cut_of_the_rim_of_an_open_surface():
     surface = Surface(*grid(8, 8))
     edge = block(*[(0, j) for j in range(9)], (1, 4))
     opened, index = open_surface(surface, edge)
-    assert not edge[index].any() and opened.area == pytest.approx(
-        56 - 1.5 - 2 * 0.5
-    )  # three faces at (1, 4), two ears
+    assert not edge[index].any() and opened.area == pytest.approx(56 - 1.5 - 2 * 0.5)  # three faces at (1, 4), two ears
     opened, index = open_surface(surface, edge | block((5, 5)))  # the hole is filled again
     assert 5 * 9 + 5 in index
 
@@ -170,9 +163,7 @@ def test_a_second_cut_of_the_rim_of_an_open_surface():
 def test_a_mask_that_leaves_only_shreds_is_refused():
     mask = np.ones(len(sphere().vertices), dtype=bool)
     mask[sphere().faces[[3, 600]]] = False
-    with pytest.raises(
-        SurfaceError, match="shreds.*faces left: 1.*no inner vertex.*smooth the mask"
-    ):
+    with pytest.raises(SurfaceError, match="shreds.*faces left: 1.*no inner vertex.*smooth the mask"):
         open_surface(sphere(), mask)
 
 
@@ -189,9 +180,7 @@ def test_masks_that_cannot_be_used(mask, message):
 
 
 def test_a_hole_inside_an_open_surface_is_refused():
-    with pytest.raises(
-        SurfaceError, match="holes inside.*open already.*32 boundary vertices from vertex 0"
-    ):
+    with pytest.raises(SurfaceError, match="holes inside.*open already.*32 boundary vertices from vertex 0"):
         open_surface(Surface(*grid(8, 8)), block((4, 4)))
 
 
@@ -203,9 +192,7 @@ def test_what_is_no_disk_after_the_cut_is_refused():
         open_surface(Surface(*grid(8, 8, hole=[(5, 5)])), block((0, 0), (0, 1), (1, 0)))
 
 
-@pytest.mark.parametrize(
-    "hemisphere, n_vertices, n_rim", [("left", 9970, 108), ("right", 9933, 110)]
-)
+@pytest.mark.parametrize("hemisphere, n_vertices, n_rim", [("left", 9970, 108), ("right", 9933, 110)])
 def test_fsaverage5_opens_to_corresponding_disks(hemisphere, n_vertices, n_rim):
     kinds = {kind: fsaverage5(hemisphere, kind) for kind in ("pial", "white", "inflated", "sphere")}
     for surface in kinds.values():

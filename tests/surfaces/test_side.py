@@ -3,9 +3,9 @@ it."""
 
 import numpy as np
 import pytest
+
 from known_surfaces import sheet
 from meshes import bowl
-
 from qclearn.plane.disk import Disk
 from qclearn.plane.mobius import mobius
 from qclearn.surfaces.conformal import (
@@ -27,12 +27,7 @@ def side():
 
 def test_a_surface_is_laid_out_in_its_conformal_map(side):
     np.testing.assert_array_equal(side.disk.z, disk_conformal_map(side.surface))
-    assert (
-        side.whole
-        and side.disk.certificate.bijective
-        and side.features is None
-        and side.messages == ()
-    )
+    assert side.whole and side.disk.certificate.bijective and side.features is None and side.messages == ()
     np.testing.assert_array_equal(side.disk.loop, side.surface.boundary)
 
 
@@ -56,9 +51,7 @@ def test_moving_gives_another_side_and_leaves_the_first(side):
 
 def test_a_side_is_whole_until_a_face_flips_or_the_boundary_runs_backwards(side):
     inner, z = side.disk.faces[0, 0], side.disk.z
-    flipped = ParameterizedSurface(
-        side.surface, side.disk.at(np.where(np.arange(len(z)) == inner, 0.9, z))
-    )
+    flipped = ParameterizedSurface(side.surface, side.disk.at(np.where(np.arange(len(z)) == inner, 0.9, z)))
     assert not flipped.whole
     first, second = side.disk.loop[:2]
     swapped = z.copy()
@@ -75,8 +68,6 @@ def test_folds_that_a_move_leaves_are_mended(side):
 
 def test_points_are_lifted_to_the_surface(side):
     some = np.setdiff1d(np.arange(len(side.disk.z)), side.disk.loop)[::7]
-    np.testing.assert_allclose(
-        side.lift(side.disk.z[some]), side.surface.vertices[some], atol=1e-12
-    )
+    np.testing.assert_allclose(side.lift(side.disk.z[some]), side.surface.vertices[some], atol=1e-12)
     middle = side.surface.vertices[side.surface.faces[40]].mean(0)
     np.testing.assert_allclose(side.lift(side.disk.centroids[[40]]), [middle], atol=1e-12)

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from known_surfaces import grid, torus_mesh
-from operations import lines_run
 from scipy.spatial.transform import Rotation
 
+from known_surfaces import grid, torus_mesh
+from operations import lines_run
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror, require_disk, require_outward
 
 TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
@@ -27,19 +27,10 @@ def refused(*expected, vertices=TETRAHEDRON, faces=OUTWARD, curves=None):
 def test_arrays_are_stored_as_promised_and_cannot_be_changed():
     vertices = TETRAHEDRON.astype(np.float32)
     surface = Surface(vertices, OUTWARD.astype(np.uint16), {"ridge": [0, 3]})
-    assert (
-        surface.vertices.dtype == np.float64
-        and surface.faces.dtype == surface.curves["ridge"].dtype == np.int64
-    )
+    assert surface.vertices.dtype == np.float64 and surface.faces.dtype == surface.curves["ridge"].dtype == np.int64
     vertices[0] = 7
     np.testing.assert_array_equal(surface.vertices, TETRAHEDRON)
-    for array in (
-        surface.vertices,
-        surface.faces,
-        surface.edges,
-        surface.edge_faces,
-        surface.curves["ridge"],
-    ):
+    for array in (surface.vertices, surface.faces, surface.edges, surface.edge_faces, surface.curves["ridge"]):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0
 
@@ -53,9 +44,7 @@ def test_edges_and_their_faces():
 def test_areas_and_volume_of_a_tetrahedron():
     surface = Surface(TETRAHEDRON, OUTWARD)
     np.testing.assert_allclose(surface.face_areas, [0.5, 0.5, np.sqrt(3) / 2, 0.5])
-    np.testing.assert_allclose(
-        surface.vertex_areas, np.array([1.5, 1 + np.sqrt(3) / 2] + [1 + np.sqrt(3) / 2] * 2) / 3
-    )
+    np.testing.assert_allclose(surface.vertex_areas, np.array([1.5, 1 + np.sqrt(3) / 2] + [1 + np.sqrt(3) / 2] * 2) / 3)
     assert surface.area == pytest.approx(1.5 + np.sqrt(3) / 2)
     assert surface.volume == pytest.approx(1 / 6)
     assert Surface(TETRAHEDRON, OUTWARD[:, ::-1]).volume == pytest.approx(-1 / 6)
@@ -65,9 +54,7 @@ def test_areas_and_volume_of_a_tetrahedron():
 def test_volume_is_capped_and_moves_with_the_surface(seed, scale, opening):
     """A missing face is capped by itself, wherever the surface lies and however it is turned."""
     random = np.random.default_rng(seed)
-    moved = scale * (
-        Rotation.random(rng=random).apply(TETRAHEDRON) + random.normal(size=3, scale=10)
-    )
+    moved = scale * (Rotation.random(rng=random).apply(TETRAHEDRON) + random.normal(size=3, scale=10))
     surface = Surface(moved, np.delete(OUTWARD, opening, axis=0) if opening < 4 else OUTWARD)
     assert surface.volume == pytest.approx(scale**3 / 6, rel=1e-9)
 
@@ -102,9 +89,7 @@ def test_topology_does_not_depend_on_the_numbering(seed):
     random = np.random.default_rng(seed)
     vertices, faces = grid(4, 3, hole=[(1, 1), (3, 1)])
     order = random.permutation(len(vertices))
-    faces = np.roll(np.argsort(order)[faces], random.integers(3), axis=1)[
-        random.permutation(len(faces))
-    ]
+    faces = np.roll(np.argsort(order)[faces], random.integers(3), axis=1)[random.permutation(len(faces))]
     surface = Surface(vertices[order], faces)
     assert surface.euler_characteristic == 0
     assert sorted(len(loop) for loop in surface.boundary_loops) == [4, 16]
@@ -126,10 +111,7 @@ def test_numbers_in_the_whole_surface_are_kept_and_checked():
     numbers = [7, 3, 9, 0]
     kept = Surface(TETRAHEDRON, OUTWARD, original_vertices=numbers)
     assert kept.original_vertices.tolist() == mirror(kept).original_vertices.tolist() == numbers
-    assert (
-        not kept.original_vertices.flags.writeable
-        and Surface(TETRAHEDRON, OUTWARD).original_vertices is None
-    )
+    assert not kept.original_vertices.flags.writeable and Surface(TETRAHEDRON, OUTWARD).original_vertices is None
     for wrong, message in (
         ([7, 3, 9], "4 whole numbers.*shape"),
         ([0.5, 1, 2, 3], "float64"),
@@ -168,26 +150,15 @@ def test_unused_vertices_and_their_remedy():
     faces = OUTWARD + (OUTWARD > 0)
     refused("1 vertex in no face: 1.", "numpy.unique", vertices=vertices, faces=faces)
     used, corners = np.unique(faces, return_inverse=True)
-    np.testing.assert_array_equal(
-        Surface(vertices[used], corners.reshape(-1, 3)).vertices, TETRAHEDRON
-    )
+    np.testing.assert_array_equal(Surface(vertices[used], corners.reshape(-1, 3)).vertices, TETRAHEDRON)
 
 
 def test_long_lists_of_indices_are_cut():
-    refused(
-        "7 vertices in no face: 4, 5, 6, 7, 8 and 2 more.",
-        vertices=np.pad(TETRAHEDRON, ((0, 7), (0, 0))),
-    )
+    refused("7 vertices in no face: 4, 5, 6, 7, 8 and 2 more.", vertices=np.pad(TETRAHEDRON, ((0, 7), (0, 0))))
 
 
 def test_degenerate_faces():
-    refused(
-        "1 degenerate face",
-        "repeated vertex",
-        ": 4.",
-        "clean",
-        faces=np.vstack([OUTWARD, [1, 1, 2]]),
-    )
+    refused("1 degenerate face", "repeated vertex", ": 4.", "clean", faces=np.vstack([OUTWARD, [1, 1, 2]]))
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
@@ -195,9 +166,7 @@ def test_zero_area_is_judged_at_the_scale_of_the_surface(scale):
     vertices, faces = grid(2, 1)
     vertices = scale * Rotation.from_rotvec([1, 2, 3]).apply(vertices)
     flat = vertices.copy()
-    flat[0] = (
-        vertices[2] + vertices[5]
-    ) / 2  # onto the line of a face's other two corners, up to rounding
+    flat[0] = (vertices[2] + vertices[5]) / 2  # onto the line of a face's other two corners, up to rounding
     refused("degenerate", ": 0.", vertices=flat[[0, 2, 5, 4]], faces=[[0, 1, 2], [1, 3, 2]])
     thin = vertices.copy()
     thin[0] = vertices[3] + 1e-9 * (vertices[0] - vertices[3])
@@ -221,26 +190,14 @@ def test_inconsistent_orientation():
 
 def test_edge_with_three_faces():
     vertices = np.vstack([TETRAHEDRON, [0, -1, -1]])
-    refused(
-        "not manifold: 1 edge",
-        "[0, 1]",
-        "Delete",
-        vertices=vertices,
-        faces=np.vstack([OUTWARD, [0, 1, 4]]),
-    )
+    refused("not manifold: 1 edge", "[0, 1]", "Delete", vertices=vertices, faces=np.vstack([OUTWARD, [0, 1, 4]]))
 
 
 def test_vertex_where_two_fans_meet():
     """Two tetrahedra that touch in vertex 3; an edge joins them elsewhere only through it."""
     vertices = np.vstack([TETRAHEDRON, TETRAHEDRON[:3] + [0, 0, 2]])
     second = np.array([4, 5, 6, 3])[OUTWARD[:, ::-1]]
-    refused(
-        "not manifold: 1 vertex",
-        ": 3.",
-        "Duplicate the vertex",
-        vertices=vertices,
-        faces=[*OUTWARD, *second],
-    )
+    refused("not manifold: 1 vertex", ": 3.", "Duplicate the vertex", vertices=vertices, faces=[*OUTWARD, *second])
     vertices, faces = grid(2, 2, hole=[(0, 1), (1, 0)])
     used, corners = np.unique(faces, return_inverse=True)
     refused("not manifold: 1 vertex", ": 3.", vertices=vertices[used], faces=corners.reshape(-1, 3))
@@ -263,9 +220,7 @@ def test_require_disk():
     require_disk(Surface(*grid(2, 2)))
     with pytest.raises(SurfaceError, match="closed.*open_surface.*qclearn open"):
         require_disk(Surface(TETRAHEDRON, OUTWARD))
-    message = (
-        "2 boundary loops.*: 12 vertices from vertex 0, 4 vertices from vertex 5.*open_surface"
-    )
+    message = "2 boundary loops.*: 12 vertices from vertex 0, 4 vertices from vertex 5.*open_surface"
     with pytest.raises(SurfaceError, match=message):
         require_disk(Surface(*grid(3, 3, hole=[(1, 1)])))
 
@@ -275,20 +230,13 @@ def test_a_handle_is_refused_and_located(corner):
     """A tube between two holes of a grid: the named edges lie on it or next to it, whichever vertex
     is the first."""
     vertices, faces = grid(20, 20, hole=[(9, 9), (12, 9)])
-    one, two = (
-        np.array([i * 21 + 9, i * 21 + 10, (i + 1) * 21 + 10, (i + 1) * 21 + 9]) for i in (9, 12)
-    )
+    one, two = (np.array([i * 21 + 9, i * 21 + 10, (i + 1) * 21 + 10, (i + 1) * 21 + 9]) for i in (9, 12))
     two = two[[0, 3, 2, 1]]  # the tube joins the holes against each other
     following = np.roll(np.arange(4), -1)
-    tube = [
-        *np.stack([one[following], one, two], 1),
-        *np.stack([one[following], two, two[following]], 1),
-    ]
+    tube = [*np.stack([one[following], one, two], 1), *np.stack([one[following], two, two[following]], 1)]
     order = np.roll(np.arange(len(vertices)), -corner)
     surface = Surface(vertices[order], np.argsort(order)[np.vstack([faces, tube])])
-    with pytest.raises(
-        SurfaceError, match="1 handle .*Euler characteristic -1.*mris_fix_topology"
-    ) as caught:
+    with pytest.raises(SurfaceError, match="1 handle .*Euler characteristic -1.*mris_fix_topology") as caught:
         require_disk(surface)
     edges = np.array(re.findall(r"\[(\d+), (\d+)\]", str(caught.value)), dtype=int)
     assert edges.shape == (2, 2)

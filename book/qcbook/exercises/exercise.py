@@ -43,15 +43,11 @@ import qclearn as qc
 from . import tasks
 
 _MARKED = re.compile(
-    r"^([ \t]*)### BEGIN SOLUTION[ \t]*\n(.*?)^[ \t]*### END SOLUTION[ \t]*\n",
-    re.DOTALL | re.MULTILINE,
+    r"^([ \t]*)### BEGIN SOLUTION[ \t]*\n(.*?)^[ \t]*### END SOLUTION[ \t]*\n", re.DOTALL | re.MULTILINE
 )
 _MOST_CHARACTERS = 300  # of what a student is told
 _OURS = Path(qc.__file__).parent, Path(__file__).parents[1]
-_ELSEWHERE = (
-    *map(str, _OURS),
-    *(sysconfig.get_path(kind) for kind in ("stdlib", "purelib", "platlib")),
-)
+_ELSEWHERE = (*map(str, _OURS), *(sysconfig.get_path(kind) for kind in ("stdlib", "purelib", "platlib")))
 
 
 @dataclass(frozen=True)
@@ -97,8 +93,7 @@ class Exercise:
         names = [
             node.name if isinstance(node, ast.FunctionDef) else node.targets[0].id
             for node in ast.parse(self.solved).body
-            if isinstance(node, ast.FunctionDef)
-            or (isinstance(node, ast.Assign) and hasattr(node.targets[0], "id"))
+            if isinstance(node, ast.FunctionDef) or (isinstance(node, ast.Assign) and hasattr(node.targets[0], "id"))
         ]
         return names[-1]
 
@@ -117,10 +112,7 @@ class Exercise:
         made = {}
         for name, ((old, new), _) in self.module.MISTAKES.items():
             if self.solved.count(old) != 1:
-                raise ValueError(
-                    f"{self.name}, {name}: {old!r} stands {self.solved.count(old)} times in the "
-                    "solution"
-                )
+                raise ValueError(f"{self.name}, {name}: {old!r} stands {self.solved.count(old)} times in the solution")
             made[name] = self._compiled(self.solved.replace(old, new))
         return made
 
@@ -143,9 +135,7 @@ class Exercise:
         for."""
         asked, given = ("function" if callable(self.solution) else "number"), type(answer).__name__
         fits = callable(answer) if asked == "function" else _is_number(answer)
-        return (
-            "" if fits else f"`{self.asks_for}` should be a {asked}; this is {_with_article(given)}"
-        )
+        return "" if fits else f"`{self.asks_for}` should be a {asked}; this is {_with_article(given)}"
 
     def _mistake(self, answer, seed):
         """What is wrong with an answer, in words; None where nothing is."""
@@ -169,9 +159,7 @@ class Exercise:
         if not isinstance(asked, _Noted):
             return _has_nan(asked)
         rightly = _Noted(self.solution)
-        return _has_nan(asked.returned) and not (
-            self._found(rightly, case) is None and _has_nan(rightly.returned)
-        )
+        return _has_nan(asked.returned) and not (self._found(rightly, case) is None and _has_nan(rightly.returned))
 
     def _found(self, answer, case):
         """The verdict on one input, an exception as words."""
@@ -209,9 +197,7 @@ class Exercise:
     def _evidence(self, answer, case):
         """What a mistake is recognised by on one input: an array, or the kind of an exception."""
         try:
-            return np.asarray(
-                self.module.evidence(_Noted(answer) if callable(answer) else answer, case)
-            )
+            return np.asarray(self.module.evidence(_Noted(answer) if callable(answer) else answer, case))
         except (Exception, SystemExit) as error:
             return type(error)
 
@@ -235,11 +221,7 @@ class _Noted:
 def _own(value):
     """A copy of arrays, which an answer may write over; anything else as it is."""
     try:
-        return (
-            copy.deepcopy(value)
-            if isinstance(value, (np.ndarray, list, tuple, dict)) or issparse(value)
-            else value
-        )
+        return copy.deepcopy(value) if isinstance(value, (np.ndarray, list, tuple, dict)) or issparse(value) else value
     except Exception:
         return value  # a list of what cannot be copied
 
@@ -282,17 +264,9 @@ def _short(words):
 def _told(error, name):
     """Words on an exception: that of the student's function with its line, or one about what it
     returns."""
-    theirs = [
-        frame
-        for frame in traceback.extract_tb(error.__traceback__)
-        if not frame.filename.startswith(_ELSEWHERE)
-    ]
+    theirs = [frame for frame in traceback.extract_tb(error.__traceback__) if not frame.filename.startswith(_ELSEWHERE)]
     what = f"{type(error).__name__}: {_short(str(error))[:150]}".removesuffix(": ")
-    if (
-        isinstance(error, TypeError)
-        and not theirs
-        and re.search("(positional|keyword|required) argument", f"{error}")
-    ):
+    if isinstance(error, TypeError) and not theirs and re.search("(positional|keyword|required) argument", f"{error}"):
         return f"`{name}` cannot be called as the question has it ({what})"
     if not theirs:
         return f"what `{name}` returns is not what is asked for ({what})"
@@ -303,20 +277,10 @@ def _told(error, name):
 def _load(name):
     module = importlib.import_module(f"{tasks.__name__}.{name}")
     texts = module.TASK.strip(), getattr(module, "READ", "").strip()
-    return Exercise(
-        name.replace("_", "-"),
-        module.TITLE,
-        module.PAGE,
-        module.MINUTES,
-        module.POINTS,
-        *texts,
-        module,
-    )
+    return Exercise(name.replace("_", "-"), module.TITLE, module.PAGE, module.MINUTES, module.POINTS, *texts, module)
 
 
-_LOADED = [
-    _load(name) for name in sorted(module.name for module in pkgutil.iter_modules(tasks.__path__))
-]
+_LOADED = [_load(name) for name in sorted(module.name for module in pkgutil.iter_modules(tasks.__path__))]
 EXERCISES = {exercise.name: exercise for exercise in _LOADED}
 
 
@@ -332,10 +296,7 @@ def check(name, answer=None):
     except AssertionError as error:
         _say(f"✗ {name}: not yet. {error}")
     except Exception as error:
-        _say(
-            f"✗ {name}: the check itself failed, which is no mistake of yours. "
-            f"{_short(f'{error!r}')}"
-        )
+        _say(f"✗ {name}: the check itself failed, which is no mistake of yours. {_short(f'{error!r}')}")
     else:
         _say(f"✓ {name}: right, {exercise.points} points.")
 

@@ -36,10 +36,7 @@ POINTS = 10  # on each curve
 EACH = 16  # problems of each kind
 LOOKS, TIMED = 7, 3  # at most, of those whose answers are measured, and whose times
 SEED = 5301
-AS_MANY = {
-    "Born step": "Born step, as many looks",
-    "CP-Net": "U-Net's start, as many looks",
-}  # as CP-Net has there
+AS_MANY = {"Born step": "Born step, as many looks", "CP-Net": "U-Net's start, as many looks"}  # as CP-Net has there
 FIXED = {"default": Weights(), "stiff": Weights(gamma=1e5)}
 PAPERS = {name: Weights(1.0, 1.0, float(name)) for name in ("1e4", "1e5", "2e5")}
 
@@ -62,16 +59,11 @@ def figures(seeds, quick=False):
                 rows[name].append({"kind": kind, **compare(net, problem, weights)})
     named = {name: summary(rows[name]) for name in FIXED}
     for name, weights in list(PAPERS.items())[: 1 if quick else None]:
-        named[name] = summary(
-            [compare(net, problem, weights) for problem in problems["other seeds"][:8]]
-        )
+        named[name] = summary([compare(net, problem, weights) for problem in problems["other seeds"][:8]])
     return {
         "random": summary(rows["random"]),
         "kinds": {
-            kind: {
-                name: summary([row for row in some if row["kind"] == kind])
-                for name, some in rows.items()
-            }
+            kind: {name: summary([row for row in some if row["kind"] == kind]) for name, some in rows.items()}
             for kind in problems
         },
         "bands": bands([row for some in rows.values() for row in some]),
@@ -80,11 +72,7 @@ def figures(seeds, quick=False):
         "ranges": {"beta / alpha": net.config.smooth, "gamma / alpha": net.config.match},
         "looks": {name: net.looks_at(weights) for name, weights in FIXED.items()},
         "latency_ms": latency(net, problems),
-        "rows": [
-            {key: row[key] for key in row if key != "seconds"}
-            for some in rows.values()
-            for row in some
-        ],
+        "rows": [{key: row[key] for key in row if key != "seconds"} for some in rows.values() for row in some],
     }
 
 
@@ -94,11 +82,7 @@ def curves_of(seeds, vertices):
     found = []
     for subject in hemispheres(seeds, vertices):
         surface, z = subject.surface, parameterize(subject.surface).disk.z
-        found.append(
-            np.concatenate(
-                [sample_curve(surface, path, POINTS) @ z for path in surface.curves.values()]
-            )
-        )
+        found.append(np.concatenate([sample_curve(surface, path, POINTS) @ z for path in surface.curves.values()]))
     return found
 
 
@@ -122,19 +106,13 @@ def real(rng):
     """Problems of fsaverage5's two sides, turn about: all their sulci, then some of them at ten or
     five points each."""
     there = fsaverage_pair()
-    swapped = [
-        entry | {"moving": entry["control"], "control": entry["moving"]} for entry in there.curves
-    ]
+    swapped = [entry | {"moving": entry["control"], "control": entry["moving"]} for entry in there.curves]
     back = type(there)(there.control, there.moving, tuple(swapped))
     both = [prepare(pair).problem for pair in (there, back)]
     for number in range(2 * EACH):
         problem = both[number % 2]
         labels = np.unique(problem.curve)
-        chosen = (
-            labels
-            if number < 2
-            else rng.choice(labels, rng.integers(3, len(labels) + 1), replace=False)
-        )
+        chosen = labels if number < 2 else rng.choice(labels, rng.integers(3, len(labels) + 1), replace=False)
         every = 1 if number < 2 else rng.integers(1, 3)
         some = np.flatnonzero(np.isin(problem.curve, chosen))[::every]
         yield Problem(problem.disk, problem.moving[some], problem.target[some])
@@ -165,9 +143,7 @@ def compare(net, problem, weights):
     seconds["network"] = time.process_time() - start
     answers |= net.answers(problem, weights, LOOKS)
     found = {name: exact_map(problem, mu) for name, mu in answers.items()}
-    found |= {
-        name: found[f"{start}, {net.looks_at(weights)} looks"] for start, name in AS_MANY.items()
-    }
+    found |= {name: found[f"{start}, {net.looks_at(weights)} looks"] for start, name in AS_MANY.items()}
     for number, (passed, one) in enumerate(stepped(problem, weights), 1):
         found[f"exact step {number}"], seconds[f"exact step {number}"] = one, passed
     reference = measured(problem, weights, fit)["L_CP"]
@@ -178,9 +154,7 @@ def compare(net, problem, weights):
         "fit_error": fit.landmark_error,
         "fit_flipped": len(fit.flipped),
         "seconds": seconds,
-        "ratio": {
-            name: measured(problem, weights, one)["L_CP"] / reference for name, one in found.items()
-        },
+        "ratio": {name: measured(problem, weights, one)["L_CP"] / reference for name, one in found.items()},
         "error": {name: one.landmark_error for name, one in found.items()},
         "flipped": {name: len(one.flipped) for name, one in found.items()},
     }
@@ -227,10 +201,7 @@ def summary(rows):
         "fit_error": float(np.mean([row["fit_error"] for row in rows])),
         "fit_folded": float(np.mean([row["fit_flipped"] > 0 for row in rows])),
         "answers": table,
-        "seconds": {
-            name: float(np.median([row["seconds"][name] for row in rows]))
-            for name in rows[0]["seconds"]
-        },
+        "seconds": {name: float(np.median([row["seconds"][name] for row in rows])) for name in rows[0]["seconds"]},
     }
 
 
@@ -247,10 +218,7 @@ def bands(rows, edges=(0, 3, 5, 7, 11)):
                     "from": low,
                     "to": high,
                     "problems": len(inside),
-                    **{
-                        name: float(np.median([ratio[name] for ratio in inside]))
-                        for name in inside[0]
-                    },
+                    **{name: float(np.median([ratio[name] for ratio in inside])) for name in inside[0]},
                 }
             )
     return table
@@ -261,9 +229,7 @@ def paper(subjects, quick):
     found = {}
     for gamma in PAPER_GAMMAS[:1] if quick else PAPER_GAMMAS:
         try:
-            found[f"{gamma:.0e}".replace("e+0", "e")] = printed(
-                load("cpnet", "paper", gamma), subjects, quick
-            )
+            found[f"{gamma:.0e}".replace("e+0", "e")] = printed(load("cpnet", "paper", gamma), subjects, quick)
         except WeightsError as error:
             print(f"without the paper's preset: {error}")
     return found
@@ -276,11 +242,7 @@ def printed(net, subjects, quick):
     "loss_ratio" and |mu|: by the exact map of the same coefficient. "whole_ratio": of L_CP with
     beta `L_lost`. "seen", "lost": `L_grad_mu` and `L_lost` of the network's image.
     """
-    rows, weights, pixels = (
-        [],
-        Weights(1.0, 1.0, net.config.gamma),
-        Disk(*square_disk(net.config.size)),
-    )
+    rows, weights, pixels = ([], Weights(1.0, 1.0, net.config.gamma), Disk(*square_disk(net.config.size)))
     for moving in subjects[: 1 if quick else 12]:
         p, q = aligned(moving, net.targets.numpy().astype(complex))
         problem = Problem(MESH, p, q)
@@ -290,14 +252,8 @@ def printed(net, subjects, quick):
         passed = time.process_time() - start
         answer = exact_map(problem, mu)
         through = moved_map(problem, load("dbsnet", "paper").solve(MESH.z, MESH.faces, mu))
-        losses = {
-            name: measured(problem, weights, one)["L_CP"]
-            for name, one in (("fit", fit), ("net", answer))
-        }
-        whole = {
-            name: losses[name] + smoothness(MESH, one.mu)[1]
-            for name, one in (("fit", fit), ("net", answer))
-        }
+        losses = {name: measured(problem, weights, one)["L_CP"] for name, one in (("fit", fit), ("net", answer))}
+        whole = {name: losses[name] + smoothness(MESH, one.mu)[1] for name, one in (("fit", fit), ("net", answer))}
         image = net(torch.from_numpy(net.in_order(p, q))[None].to(net.targets))[0].numpy()
         seen, lost = smoothness(pixels, np.tile(image.ravel(), 2))  # a pixel's two faces
         rows.append(
@@ -319,9 +275,7 @@ def printed(net, subjects, quick):
             }
         )
     means = {key: float(np.mean([row[key] for row in rows])) for key in rows[0]}
-    ratios = {
-        f"{name}_ratio": means[name] / means["fit_error"] for name in ("error", "dbsnet_error")
-    }
+    ratios = {f"{name}_ratio": means[name] / means["fit_error"] for name in ("error", "dbsnet_error")}
     return means | ratios | {"problems": len(rows)}
 
 
@@ -334,23 +288,15 @@ def smoothness(disk, mu):
 def latency(net, problems, repeats=10):
     """Milliseconds of one call on a mesh that is known from a call before, by looks, medians: some
     40 landmarks on the polar mesh, and "large" all of fsaverage5's on its own."""
-    some = min(
-        problems["other seeds"] + problems["scattered"],
-        key=lambda problem: abs(len(problem.moving) - 40),
-    )
+    some = min(problems["other seeds"] + problems["scattered"], key=lambda problem: abs(len(problem.moving) - 40))
     large = problems["real"][0]
     clock = {"landmarks": len(some.moving), "vertices": len(some.disk.z)}
-    clock |= {
-        f"looks_{looks}": milliseconds(net, some, looks, repeats) for looks in range(TIMED + 1)
-    }
+    clock |= {f"looks_{looks}": milliseconds(net, some, looks, repeats) for looks in range(TIMED + 1)}
     clock |= {"large_landmarks": len(large.moving), "large_vertices": len(large.disk.z)}
     clock["large"] = milliseconds(net, large, net.config.looks, repeats)
     solver, start = DiskSolver(some.disk), time.process_time()
     solver.solve(np.zeros(len(some.disk.faces), complex))
-    return clock | {
-        "median": clock[f"looks_{net.config.looks}"],
-        "exact_map": 1e3 * (time.process_time() - start),
-    }
+    return clock | {"median": clock[f"looks_{net.config.looks}"], "exact_map": 1e3 * (time.process_time() - start)}
 
 
 def milliseconds(net, problem, looks, repeats):

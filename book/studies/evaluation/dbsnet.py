@@ -23,11 +23,7 @@ from .polar import median_seconds
 MESH = 48, 144
 MAPS = 16  # a seed
 FIELDS, FIELDS_SEED = 48, 5203  # of the images on which both gauges are measured
-SIZE, RINGS, SPOKES = (
-    64,
-    40,
-    128,
-)  # of the square in pixels, and of the polar mesh that they are resampled to
+SIZE, RINGS, SPOKES = (64, 40, 128)  # of the square in pixels, and of the polar mesh that they are resampled to
 EXACT = 1e-6  # the tolerance of the maps that errors are measured against
 
 
@@ -46,24 +42,19 @@ def figures(seeds, quick=False):
     }
     for name, net in nets.items():
         maps = np.array([net.solve(solver.mesh.z, solver.mesh.faces, one) for one in mu])
-        result[name] = map_figures(maps, exact, mu, solver) | {
-            "latency_ms": latency(net, solver, mu[0], quick)
-        }
+        result[name] = map_figures(maps, exact, mu, solver) | {"latency_ms": latency(net, solver, mu[0], quick)}
         result[name]["samples"] = samples(maps, mu, solver)
     if "best" in nets:
         start = in_batches(lambda part: two_steps(solver, part)[0][1], mu)
         result["start"] = map_figures(start, exact, mu, solver)
-        result["curves"] = {
-            str(count): curves(nets["best"], mu, exact, count, quick) for count in (1, 16)
-        }
+        result["curves"] = {str(count): curves(nets["best"], mu, exact, count, quick) for count in (1, 16)}
     if "paper" in nets:
         result["routes"] = routes(nets["paper"], seeds[:2] if quick else seeds, 2 if quick else 4)
         wide = build("dbsnet", {"preset": "paper", "size": 128})
         image = torch.zeros(1, 128, 128, dtype=torch.complex64)
         result["paper"]["latency_128_ms"] = 1e3 * timed(lambda: wide(image), quick)
     result["latency_ms"] = {
-        "polar": 1e3
-        * timed(lambda: solver.solve(torch.from_numpy(mu[0]).to(torch.complex64)), quick),
+        "polar": 1e3 * timed(lambda: solver.solve(torch.from_numpy(mu[0]).to(torch.complex64)), quick),
         "superlu": 1e3 * timed(lambda: superlu(solver, mu[:1]), quick),
     }
     return result
@@ -72,10 +63,7 @@ def figures(seeds, quick=False):
 def gauges(nets, count):
     """Every network's `gauge_errors` and share of maps with a fold, mesh by mesh, on images that
     none has seen."""
-    images = [
-        image.numpy()
-        for (image,) in (SquareFields(count, FIELDS_SEED, SIZE)[k] for k in range(count))
-    ]
+    images = [image.numpy() for (image,) in (SquareFields(count, FIELDS_SEED, SIZE)[k] for k in range(count))]
     square, polar = Disk(*square_disk(SIZE)), Disk(*polar_disk(RINGS, SPOKES))
     given = {
         "square": (square, [np.tile(image.ravel(), 2) for image in images]),  # a pixel's two faces
@@ -217,16 +205,9 @@ def curves(net, mu, exact, count, quick):
             with torch.no_grad():
                 maps = torch.cat([method(part, k) for part in parts]).numpy()
             relative = abs(maps - wanted).mean(1) / displacement(wanted, solver.mesh.z)
-            times = [
-                timed(lambda part=part, k=k, method=method: method(part, k), quick)
-                for part in parts[:3]
-            ]
+            times = [timed(lambda part=part, k=k, method=method: method(part, k), quick) for part in parts[:3]]
             result[name].append(
-                {
-                    "steps": k,
-                    "ms": 1e3 * float(np.median(times)) / count,
-                    "error": float(relative.mean()),
-                }
+                {"steps": k, "ms": 1e3 * float(np.median(times)) / count, "error": float(relative.mean())}
             )
     return result
 
@@ -249,17 +230,10 @@ def routes(net, seeds, count):
             f = net(torch.from_numpy(image).to(torch.complex64)[None])[0][0].numpy().astype(complex)
         exact = factored.solve(mu)
         inner = Dirichlet(disk.stiffness(mu), loop).solve(f[loop])
-        distances = [
-            abs(x).sum()
-            for x in ((f - exact)[loop], f - inner, f - exact, (z - exact)[loop], z - exact)
-        ]
+        distances = [abs(x).sum() for x in ((f - exact)[loop], f - inner, f - exact, (z - exact)[loop], z - exact)]
         rows.append([*distances, len(disk.certify(f).flipped) > 0])
     boundary, inside, whole, still_boundary, still, folded = np.mean(rows, axis=0).tolist()
-    ratios = {
-        "boundary": boundary / still_boundary,
-        "inner": inside / still,
-        "whole": whole / still,
-    }
+    ratios = {"boundary": boundary / still_boundary, "inner": inside / still, "whole": whole / still}
     return ratios | {"folded_share": folded, "maps": len(rows)}
 
 

@@ -47,14 +47,8 @@ def figures(seeds, quick=False):
                     **values,
                 }
             )
-    result = {
-        title: summary([row for row in rows if keep(row)], methods)
-        for title, keep in CLASSES.items()
-    }
-    by_name = {
-        name: summary([row for row in rows if row["curve"] == name], methods)
-        for name in subjects[0].curves
-    }
+    result = {title: summary([row for row in rows if keep(row)], methods) for title, keep in CLASSES.items()}
+    by_name = {name: summary([row for row in rows if row["curve"] == name], methods) for name in subjects[0].curves}
     return {
         **result,
         "sulci": by_name,
@@ -104,9 +98,7 @@ def distances_to_truth(side, methods):
     truth, *found = [[next(points) for _ in group] for group in groups]
     distances = {}
     for k, curve in enumerate(surface.curves):
-        distances[curve] = {
-            name: curve_distance(truth[k], part[k]) for name, part in zip(methods, found)
-        }
+        distances[curve] = {name: curve_distance(truth[k], part[k]) for name, part in zip(methods, found)}
         distances[curve]["apart"] = curve_distance(found[0][k], found[-1][k])
     return distances, seconds
 
@@ -135,9 +127,7 @@ def summary(rows, methods):
 def interval(values, groups):
     """[2.5 %, 97.5 %] of the mean when the groups are drawn anew, with replacement."""
     rng = np.random.default_rng(0)
-    totals = np.array(
-        [[values[groups == group].sum(), (groups == group).sum()] for group in np.unique(groups)]
-    )
+    totals = np.array([[values[groups == group].sum(), (groups == group).sum()] for group in np.unique(groups)])
     drawn = totals[rng.integers(len(totals), size=(RESAMPLES, len(totals)))].sum(axis=1)
     return [float(x) for x in np.percentile(drawn[:, 0] / drawn[:, 1], [2.5, 97.5])]
 

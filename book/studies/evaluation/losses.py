@@ -20,14 +20,7 @@ from qclearn.registration.problem import Weights
 
 from .cpnet import aligned, printed
 
-SMALL = {
-    "preset": "paper",
-    "gamma": 1e5,
-    "curves": 3,
-    "points": 8,
-    "size": 16,
-    "widths": (48, 32, 24),
-}
+SMALL = {"preset": "paper", "gamma": 1e5, "curves": 3, "points": 8, "size": 16, "widths": (48, 32, 24)}
 STEPS, TRAININGS, EXAMPLES, UNSEEN = 400, 3, 200, 4
 SOLVER, STOPPING = (16, 48), (1e-4, 60)  # rings and spokes; tolerance and most steps
 
@@ -38,9 +31,7 @@ def figures(seeds, quick=False):
     steps, lesson = 2 if quick else STEPS, CPLesson(Weights())
     unseen = [lesson.subject(np.random.default_rng([1, k])) for k in range(UNSEEN)]
     found = {
-        loss: [
-            printed(trained(loss, seed, steps, lesson), unseen, quick) for seed in range(TRAININGS)
-        ]
+        loss: [printed(trained(loss, seed, steps, lesson), unseen, quick) for seed in range(TRAININGS)]
         for loss in LOSSES
     }
     return found | {"steps": steps, "examples": EXAMPLES}
@@ -55,14 +46,9 @@ def trained(loss, seed, steps, lesson):
     network.solver = [LossMesh(Disk(*square_disk(SMALL["size"]))), lambda mu: square(mu, *STOPPING)]
     rng = np.random.default_rng([0, seed])
     moving = [aligned(lesson.subject(rng), lesson.target)[0] for _ in range(EXAMPLES)]
-    examples = [
-        torch.tensor(np.array(side)).to(torch.complex64)
-        for side in (moving, EXAMPLES * [lesson.target])
-    ]
+    examples = [torch.tensor(np.array(side)).to(torch.complex64) for side in (moving, EXAMPLES * [lesson.target])]
     recipe, objective = TrainConfig(steps, 8, 2e-3, seed=seed, warmup=20), Objective(network)
-    optimiser = torch.optim.AdamW(
-        network.parameters(), recipe.rate, weight_decay=recipe.weight_decay
-    )
+    optimiser = torch.optim.AdamW(network.parameters(), recipe.rate, weight_decay=recipe.weight_decay)
     for step in range(steps):
         take_step(objective, optimiser, TensorDataset(*examples), recipe, step, Process())
     return network.eval().requires_grad_(False)

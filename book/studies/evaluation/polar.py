@@ -25,13 +25,8 @@ def random_coefficient(seed, z, largest=0.5):
 def figures(seeds, quick=False):
     """Errors, seconds a map in float64 on one thread, iterations, and the exponent of the cost in
     the vertices."""
-    rows = [
-        size_row(nr, nt, seeds[0], repeats=1 if quick else 5)
-        for nr, nt in SIZES[: 2 if quick else None]
-    ]
-    vertices, seconds = (
-        np.log([row[key] for row in rows]) for key in ("vertices", "polar_seconds")
-    )
+    rows = [size_row(nr, nt, seeds[0], repeats=1 if quick else 5) for nr, nt in SIZES[: 2 if quick else None]]
+    vertices, seconds = (np.log([row[key] for row in rows]) for key in ("vertices", "polar_seconds"))
     return {
         "sizes": rows,
         "exponent": float(np.polyfit(vertices, seconds, 1)[0]),
@@ -49,22 +44,16 @@ def size_row(nr, nt, seed, repeats):
     for name, closed in (("twist", twist(0.6)), ("sliding", sliding(0.5))):
         mu = torch.from_numpy(closed.mu(centre))
         points = np.where(z == 0, 1e-300, z)  # derivatives of `sliding` divide by |z|
-        row[f"{name}_error"] = float(
-            abs(solver.solve(mu, TOLERANCE).numpy() - closed(points)).max()
-        )
+        row[f"{name}_error"] = float(abs(solver.solve(mu, TOLERANCE).numpy() - closed(points)).max())
     mu = random_coefficient(seed, centre)
-    row["polar_seconds"] = median_seconds(
-        lambda: solver.solve(torch.from_numpy(mu), TOLERANCE), repeats
-    )
+    row["polar_seconds"] = median_seconds(lambda: solver.solve(torch.from_numpy(mu), TOLERANCE), repeats)
     row["iterations"] = int(solver.iterations.max())
     if len(z) < 60_000:
         factored = DiskSolver(solver.mesh)
         _ = factored.calibration  # once a mesh
         row["superlu_seconds"] = median_seconds(lambda: factored.solve(mu), repeats)
         row["ratio"] = row["superlu_seconds"] / row["polar_seconds"]
-        row["difference"] = float(
-            abs(factored.f - solver.solve(torch.from_numpy(mu), TOLERANCE).numpy()).max()
-        )
+        row["difference"] = float(abs(factored.f - solver.solve(torch.from_numpy(mu), TOLERANCE).numpy()).max())
     return row
 
 
@@ -78,12 +67,8 @@ def batches(seed, quick):
         for count in (1, 8):
             fields = np.array([random_coefficient(seed + k, centre) for k in range(count)])
             mu = torch.from_numpy(fields).to(torch.complex64).requires_grad_()
-            forward = median_seconds(
-                lambda mu=mu, solver=solver: solver.solve(mu.detach(), TOLERANCE), 5
-            )
-            both = median_seconds(
-                lambda mu=mu, solver=solver: solver.solve(mu, TOLERANCE).abs().sum().backward(), 5
-            )
+            forward = median_seconds(lambda mu=mu, solver=solver: solver.solve(mu.detach(), TOLERANCE), 5)
+            both = median_seconds(lambda mu=mu, solver=solver: solver.solve(mu, TOLERANCE).abs().sum().backward(), 5)
             rows.append(
                 {
                     "nr": nr,
@@ -110,12 +95,7 @@ def accelerator(seed, quick):
             solver.solve(mu, TOLERANCE)
         torch.accelerator.synchronize()
 
-    return {
-        "device": str(device),
-        "maps": 1000,
-        "vertices": len(solver.mesh.z),
-        "seconds": median_seconds(run, 3),
-    }
+    return {"device": str(device), "maps": 1000, "vertices": len(solver.mesh.z), "seconds": median_seconds(run, 3)}
 
 
 def median_seconds(function, repeats):

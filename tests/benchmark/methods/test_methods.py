@@ -5,9 +5,9 @@ from importlib import import_module
 
 import numpy as np
 import pytest
+
 from exactmaps import moebius
 from meshes import random_disk, random_mu
-
 from qclearn.benchmark.methods import METHODS, ON_SPHERES, networks
 from qclearn.benchmark.methods.harmonic import harmonic, smoothed
 from qclearn.benchmark.methods.qc_iteration import qc_iteration
@@ -29,10 +29,7 @@ MOVED = moebius(0.2 - 0.1j, 0.7)
 # By landmarks alone, and without networks; those that look at folds are in
 # benchmark/test_real_cortex.py.
 OTHERS = {"networks", "folds"}  # what learns, and what looks at folds
-CLASSICAL = sorted(
-    {name for name, m in METHODS.items() if m.__module__.split(".")[-1] not in OTHERS}
-    - {*ON_SPHERES}
-)
+CLASSICAL = sorted({name for name, m in METHODS.items() if m.__module__.split(".")[-1] not in OTHERS} - {*ON_SPHERES})
 each = pytest.mark.parametrize("name", CLASSICAL)
 
 
@@ -40,9 +37,7 @@ def four_curves(count=8):
     """Landmarks (4 count,) on four segments in the disk, and their labels."""
     along = 0.12 * np.linspace(-1, 1, count)
     segments = [(0.3, 0.2), (-0.4 + 0.2j, 1.0), (-0.1 - 0.5j, 2.0), (0.1 + 0.5j, 0.0)]
-    return np.concatenate(
-        [centre + np.exp(1j * turn) * along for centre, turn in segments]
-    ), np.repeat(range(4), count)
+    return np.concatenate([centre + np.exp(1j * turn) * along for centre, turn in segments]), np.repeat(range(4), count)
 
 
 @pytest.fixture(scope="module")
@@ -69,10 +64,7 @@ def error(problem, f):
 # Of the Teichmüller iteration, whose mean |mu| creeps, and of a fit to landmarks that a Möbius map
 # takes where they go.
 SAID = ("not settled after", "that map is returned")
-pytestmark = [
-    pytest.mark.filterwarnings(f"ignore:.*{words}:qclearn.plane.bijectivity.RepairWarning")
-    for words in SAID
-]
+pytestmark = [pytest.mark.filterwarnings(f"ignore:.*{words}:qclearn.plane.bijectivity.RepairWarning") for words in SAID]
 
 
 @each
@@ -134,9 +126,7 @@ def test_landmarks_at_vertices_held_by_the_penalty_are_pins(mesh):
     target = z[inner] + 0.05 * (rng.normal(size=6) + 1j * rng.normal(size=6))
     mu = random_mu(rng, z, faces, 0.3)
     solver = LandmarkSolver(Problem(mesh, z[inner], target))
-    pins = solve_beltrami(
-        z, faces, mu, np.concatenate([loop, inner]), np.concatenate([solver.boundary, target])
-    )
+    pins = solve_beltrami(z, faces, mu, np.concatenate([loop, inner]), np.concatenate([solver.boundary, target]))
     np.testing.assert_allclose(solver.solve(mu, HARD), pins, atol=1e-5)
 
 
@@ -146,17 +136,13 @@ def test_the_solution_has_the_least_energy(moved):
     K = moved.disk.stiffness(mu)
 
     def energy(f):
-        return (
-            (f.conj() @ (K @ f)).real + weight * (abs(moved.samples @ f - moved.target) ** 2).sum()
-        ) / 2
+        return ((f.conj() @ (K @ f)).real + weight * (abs(moved.samples @ f - moved.target) ** 2).sum()) / 2
 
     f = solver.solve(mu, weight)
     step = 1e-3 * (rng.normal(size=len(f)) + 1j * rng.normal(size=len(f)))
     step[moved.disk.loop] = 0
     change = step + 0 * f
-    more = (
-        (change.conj() @ (K @ change)).real + weight * (abs(moved.samples @ change) ** 2).sum()
-    ) / 2
+    more = ((change.conj() @ (K @ change)).real + weight * (abs(moved.samples @ change) ** 2).sum()) / 2
     for sign in (1, -1):  # to first order nothing changes, to second what the quadratic form says
         assert energy(f + sign * step) - energy(f) == pytest.approx(more, rel=1e-6)
 
@@ -220,9 +206,7 @@ def test_smoothing_keeps_the_argument_and_evens_the_modulus(moved):
     rough = even * np.random.default_rng(3).uniform(0.5, 1.5, len(even))
     soft = smoothed(solver, rough, 2.0)
     np.testing.assert_allclose(np.angle(soft), 0.4, atol=1e-9)
-    assert (
-        abs(soft).std() < 0.5 * abs(moved.disk.to_vertices @ rough)[moved.disk.faces].mean(1).std()
-    )
+    assert abs(soft).std() < 0.5 * abs(moved.disk.to_vertices @ rough)[moved.disk.faces].mean(1).std()
 
 
 def test_a_negative_weight_is_refused(moved):
@@ -277,9 +261,7 @@ def displacement(rings):
 
 
 def test_a_teichmuller_iteration_that_does_not_settle_says_so(moved):
-    with pytest.warns(
-        RepairWarning, match="not settled after 60 rounds .the mean .mu. still changes by"
-    ):
+    with pytest.warns(RepairWarning, match="not settled after 60 rounds .the mean .mu. still changes by"):
         METHODS["teichmuller"](moved)
 
 
@@ -300,9 +282,7 @@ def test_teichmullers_displacement_is_found_with_its_constant():
 
 
 def test_thin_plates_reproduce_affine_maps_which_leave_the_circle(mesh):
-    p = np.concatenate(
-        [r * np.exp(1j * np.pi / 4 * np.arange(8)) for r in (0.3, 0.6)]
-    )  # the best Möbius map is none
+    p = np.concatenate([r * np.exp(1j * np.pi / 4 * np.arange(8)) for r in (0.3, 0.6)])  # the best Möbius map is none
     f = thin_plate(Problem(mesh, p, 0.6 * p + 0.2 * p.conj()))
     np.testing.assert_allclose(f, 0.6 * mesh.z + 0.2 * mesh.z.conj(), atol=1e-6)
     assert abs(f).max() < 0.81
@@ -338,17 +318,13 @@ def twins(monkeypatch):
 
     def put(quality):
         asked = []
-        monkeypatch.setattr(
-            networks, "network", lambda *words: asked.append(words) or Twins(quality)
-        )
+        monkeypatch.setattr(networks, "network", lambda *words: asked.append(words) or Twins(quality))
         return asked
 
     return put
 
 
-NETWORK_METHODS = sorted(
-    name for name, method in METHODS.items() if method.__module__.endswith(".networks")
-)
+NETWORK_METHODS = sorted(name for name, method in METHODS.items() if method.__module__.endswith(".networks"))
 
 
 @pytest.mark.parametrize("name", NETWORK_METHODS)

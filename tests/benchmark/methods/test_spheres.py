@@ -12,10 +12,9 @@ from dataclasses import replace
 import numpy as np
 import psutil
 import pytest
-from known_surfaces import icosphere
 from scipy.spatial.transform import Rotation
-from workbench import workbench
 
+from known_surfaces import icosphere
 from qclearn.benchmark import Run
 from qclearn.benchmark.measured import BenchmarkError
 from qclearn.benchmark.methods import METHODS
@@ -31,6 +30,7 @@ from qclearn.io.values import read_map
 from qclearn.registration.curves import fundus_path
 from qclearn.surfaces.opening import open_surface
 from qclearn.surfaces.surface import Surface
+from workbench import workbench
 
 TURN = Rotation.from_euler("xyz", [9, -6, 11], degrees=True)
 COPY = "cp {moving_sphere} {out}"
@@ -41,30 +41,21 @@ def bumpy(level=4):
     vertices first."""
     ball = icosphere(level)
     p = ball.vertices
-    folds = 0.1 * np.sin(12 * p[:, 0] + 2) * np.cos(10 * p[:, 1]) + 0.05 * np.sin(
-        14 * p[:, 2] + 4 * p[:, 0]
-    )
+    folds = 0.1 * np.sin(12 * p[:, 0] + 2) * np.cos(10 * p[:, 1]) + 0.05 * np.sin(14 * p[:, 2] + 4 * p[:, 0])
     kept = open_surface(ball, p[:, 2] < -0.8)[1]
     order = np.append(kept, np.setdiff1d(np.arange(len(p)), kept))
     whole = Surface((60 * p * (1 + folds)[:, None])[order], np.argsort(order)[ball.faces])
     part = whole.faces[(whole.faces < len(kept)).all(1)]
-    ends = {
-        f"curve {k}": (np.argmin(p[kept] @ a), np.argmin(p[kept] @ b))
-        for k, (a, b) in enumerate(LINES)
-    }
+    ends = {f"curve {k}": (np.argmin(p[kept] @ a), np.argmin(p[kept] @ b)) for k, (a, b) in enumerate(LINES)}
     opened = Surface(whole.vertices[: len(kept)], part)
     return (
-        Surface(
-            opened.vertices, part, {name: fundus_path(opened, *pair) for name, pair in ends.items()}
-        ),
+        Surface(opened.vertices, part, {name: fundus_path(opened, *pair) for name, pair in ends.items()}),
         whole,
         p[order],
     )
 
 
-LINES = np.array(
-    [[[1, 0, 0.2], [0.4, 1, 0]], [[-1, 0.2, 0], [-0.3, 0.2, -1]], [[0, -1, -0.4], [0.6, -0.6, 0]]]
-)
+LINES = np.array([[[1, 0, 0.2], [0.4, 1, 0]], [[-1, 0.2, 0], [-0.3, 0.2, -1]], [[0, -1, -0.4], [0.6, -0.6, 0]]])
 
 
 def side_of(parts, turn=None):
@@ -88,10 +79,7 @@ def pair(parts):
     out."""
     moving, control = side_of(parts, TURN), side_of(parts)
     names = list(control.surface.curves)
-    curves = [
-        {"name": name, **dict.fromkeys(("moving", "control"), control.surface.curves[name])}
-        for name in names
-    ]
+    curves = [{"name": name, **dict.fromkeys(("moving", "control"), control.surface.curves[name])} for name in names]
     truth = control.surface.vertices, control.disk.z
     return Pair(moving, control, tuple(curves[:2]), *truth, held=(curves[2],), there_and_back=True)
 
@@ -106,20 +94,14 @@ def test_a_closed_surface_has_a_patch_over_its_hole(parts):
     np.testing.assert_array_equal(found.vertices[: len(opened.vertices)], opened.vertices)
     np.testing.assert_array_equal(found.faces[: len(opened.faces)], opened.faces)
     rim, patch = opened.vertices[opened.boundary], found.vertices[len(opened.vertices) :]
-    assert (patch.min(0) > rim.min(0)).all() and (
-        patch.max(0) < rim.max(0)
-    ).all()  # harmonic: within its values
+    assert (patch.min(0) > rim.min(0)).all() and (patch.max(0) < rim.max(0)).all()  # harmonic: within its values
     assert 0.8 * whole.volume < found.volume < whole.volume  # outward, and without the cap
 
 
 def test_a_sphere_points_as_its_brain_does(parts):
     _, whole, points = parts
-    np.testing.assert_allclose(
-        facing(whole, 100 * TURN.apply(points)), facing(whole, points), atol=1e-9
-    )
-    assert (
-        np.linalg.norm(facing(whole, points) - points, axis=1).max() < 0.05
-    )  # up to what the folds do to the mean
+    np.testing.assert_allclose(facing(whole, 100 * TURN.apply(points)), facing(whole, points), atol=1e-9)
+    assert np.linalg.norm(facing(whole, points) - points, axis=1).max() < 0.05  # up to what the folds do to the mean
 
 
 def test_what_is_no_sphere_is_named(parts):
@@ -140,17 +122,13 @@ def test_what_is_no_sphere_is_named(parts):
 
 def test_a_bad_sphere_is_a_row_and_a_method_of_the_disk_goes_on(pair):
     folded = replace(
-        pair.moving,
-        sphere=Sphere(pair.moving.surface, (pair.moving.sphere.whole, -pair.moving.sphere.points)),
+        pair.moving, sphere=Sphere(pair.moving.surface, (pair.moving.sphere.whole, -pair.moving.sphere.points))
     )
     row = trial(replace(pair, moving=folded), Run("a", "rotation"), METHODS["rotation"])
     assert row["status"] == "failed" and "looks inward" in row["message"]
     without = replace(pair, control=replace(pair.control, sphere=None), there_and_back=False)
     row = trial(without, Run("a", "rotation"), METHODS["rotation"])
-    assert (
-        row["status"] == "failed"
-        and "come without: give each `ParameterizedSurface` a `sphere`" in row["message"]
-    )
+    assert row["status"] == "failed" and "come without: give each `ParameterizedSurface` a `sphere`" in row["message"]
     row = trial(without, Run("a", "mobius_only"), METHODS["mobius_only"])
     assert row["status"] == "done" and row["reversed_on_sphere"] is None
 
@@ -160,38 +138,22 @@ def test_a_bad_sphere_is_a_row_and_a_method_of_the_disk_goes_on(pair):
 
 def test_the_best_rotation_turns_the_ball_back(pair):
     row = trial(pair, Run("rotation", "rotation"), METHODS["rotation"])
-    as_is = trial(
-        pair, Run("as it is", "as_is"), lambda problem: problem.sides.moving.sphere.points
-    )
+    as_is = trial(pair, Run("as it is", "as_is"), lambda problem: problem.sides.moving.sphere.points)
     assert row["status"] == as_is["status"] == "done", (row, as_is)
     edge = pair.control.surface.edge_lengths.mean()  # half of it: judges look at the nearest vertex
     assert row["correspondence_mm"] < edge / 2 < 3 < 8 < as_is["correspondence_mm"]
-    assert (
-        row["held_out_mm"] < edge / 2 < 3 < as_is["held_out_mm"]
-        and row["held_out_middle_mm"] < row["held_out_mm"]
-    )
+    assert row["held_out_mm"] < edge / 2 < 3 < as_is["held_out_mm"] and row["held_out_middle_mm"] < row["held_out_mm"]
     assert row["r_curvature"] > 0.9 > 0.7 > as_is["r_curvature"]
     assert row["certified"] and row["reversed_on_sphere"] == row["flipped"] == 0
     assert row["there_and_back_mm"] < edge / 2 and as_is["there_and_back_mm"] < 0.1
-    assert (
-        row["mean_abs_mu"] is None
-        and np.isnan(row["landmark_error"])
-        and 0 < row["landmark_error_mm"] < edge / 2
-    )
+    assert row["mean_abs_mu"] is None and np.isnan(row["landmark_error"]) and 0 < row["landmark_error_mm"] < edge / 2
 
 
 def test_the_same_map_has_the_same_figures_in_the_disk_and_on_the_sphere(pair):
     there = replace(pair, there_and_back=False)
     disk = trial(there, Run("disk", "disk"), lambda problem: pair.control.disk.z)
     ball = trial(there, Run("ball", "ball"), lambda problem: pair.control.sphere.points)
-    for name in (
-        "correspondence_mm",
-        "held_out_mm",
-        "held_out_middle_mm",
-        "landmark_error_mm",
-        "areal_95",
-        "shape_95",
-    ):
+    for name in ("correspondence_mm", "held_out_mm", "held_out_middle_mm", "landmark_error_mm", "areal_95", "shape_95"):
         assert ball[name] == pytest.approx(disk[name], abs=0.02), name
     for name in ("r_depth", "r_curvature"):
         assert ball[name] == pytest.approx(disk[name], abs=0.01) and ball[name] > 0.8, name
@@ -206,19 +168,12 @@ def test_faces_that_are_turned_over_are_counted_on_the_sphere(pair):
 
     row = trial(replace(pair, there_and_back=False), Run("torn", "torn"), torn)
     turned = inward(torn(None)[pair.moving.surface.faces])
-    assert (
-        row["reversed_on_sphere"] == turned > 20
-        and row["flipped"] >= turned
-        and not row["certified"]
-    )
+    assert row["reversed_on_sphere"] == turned > 20 and row["flipped"] >= turned and not row["certified"]
 
 
 def test_a_map_of_another_sphere_is_refused(pair):
     row = trial(pair, Run("bad", "bad"), lambda problem: problem.sides.moving.sphere.points[:9])
-    assert (
-        "returned an array of shape (9, 3)" in row["message"]
-        and "one point of the sphere" in row["message"]
-    )
+    assert "returned an array of shape (9, 3)" in row["message"] and "one point of the sphere" in row["message"]
 
 
 def test_the_middle_of_a_curve_leaves_its_ends_out():
@@ -233,16 +188,12 @@ def test_distortion_is_workbenchs(tmp_path, pair):
     there = Surface(p * [1.3, 0.8, 1] + 5 * np.sin(p / 20), moving.faces)
     points = there.vertices
     write_surface(tmp_path / "a.surf.gii", moving)
-    write_surface(
-        tmp_path / "b.surf.gii", Surface(points * np.sqrt(moving.area / there.area), moving.faces)
-    )
+    write_surface(tmp_path / "b.surf.gii", Surface(points * np.sqrt(moving.area / there.area), moving.faces))
     paths = [tmp_path / name for name in ("a.surf.gii", "b.surf.gii", "d.func.gii")]
     workbench("-surface-distortion", *paths, "-local-affine-method", "-log2")
     theirs = abs(np.asarray(read_map(paths[2]).values)).T
     shares, ours = moving.vertex_areas / moving.area, tails(moving, points)
-    assert [quantile(one, shares) for one in theirs] == pytest.approx(
-        [ours["areal_95"], ours["shape_95"]], abs=0.01
-    )
+    assert [quantile(one, shares) for one in theirs] == pytest.approx([ours["areal_95"], ours["shape_95"]], abs=0.01)
     assert ours["areal_95"] > 0.3 and ours["shape_95"] > 0.3
 
 
@@ -269,18 +220,12 @@ def test_a_program_that_copies_is_the_spheres_as_they_are(pair):
     "command, message",
     [
         ("false {out}", "false ended with the status 1; its last words: none"),
-        (
-            "sh -c 'echo no licence; exit 3' {out}",
-            "ended with the status 3; its last words: no licence",
-        ),
+        ("sh -c 'echo no licence; exit 3' {out}", "ended with the status 3; its last words: no licence"),
         ("sh -c 'kill -SEGV $$' {out}", "ended by the signal SIGSEGV"),
         ("sleep 30 {out}", "sleep ended with the status 1"),
         ("sh -c 'sleep 30 & sleep 30' {out}", "sh was not done after 0.5 s and was stopped"),
         ("true {out}", "true ended without an error and wrote no sphere to {out}"),
-        (
-            "nosuchprogram {out}",
-            "nosuchprogram cannot be started (No such file or directory: nosuchprogram)",
-        ),
+        ("nosuchprogram {out}", "nosuchprogram cannot be started (No such file or directory: nosuchprogram)"),
         ("cp {moving} {out}", "the sphere that the program wrote is none around 0"),
         ("sh -c 'echo hello > $0' {out}", "its sphere cannot be read: {out}"),
     ],
@@ -293,17 +238,10 @@ def test_a_program_that_fails_is_a_row_with_its_message(pair, command, message):
 
 
 def test_a_sphere_of_another_mesh_is_a_row_with_its_message(pair):
-    coarse = replace(
-        pair, control=side_of(bumpy(3)), held=(), truth=None, truth_disk=None, there_and_back=False
-    )
+    coarse = replace(pair, control=side_of(bumpy(3)), held=(), truth=None, truth_disk=None, there_and_back=False)
     curve = {**coarse.curves[0], "control": list(coarse.control.surface.curves["curve 0"])}
-    row = trial(
-        replace(coarse, curves=(curve,)), program("cp {control_sphere} {out}"), METHODS["program"]
-    )
-    assert (
-        "sphere that the program wrote has 642 vertices, where its surface has 2,562"
-        in row["message"]
-    )
+    row = trial(replace(coarse, curves=(curve,)), program("cp {control_sphere} {out}"), METHODS["program"])
+    assert "sphere that the program wrote has 642 vertices, where its surface has 2,562" in row["message"]
 
 
 def test_cpu_time_and_memory_are_measured_per_program():
@@ -311,18 +249,14 @@ def test_cpu_time_and_memory_are_measured_per_program():
     work = "x = bytearray(b'x') * {0}; sum(range({0}))"
     commands = [[sys.executable, "-c", work.format(10**power)] for power in (5, 7)]
     little, much = (measured(command, 60) for command in commands)
-    by_shell = measured(
-        ["sh", "-c", shlex.join(commands[1]) + "; true"], 60
-    )  # the work of its child
+    by_shell = measured(["sh", "-c", shlex.join(commands[1]) + "; true"], 60)  # the work of its child
     assert block.all() and little.memory_mb < much.memory_mb < own_memory_mb()
     assert little.cpu_seconds < min(much.cpu_seconds, by_shell.cpu_seconds)
 
 
 def own_memory_mb():
     """The peak of this process."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (
-        2**20 if sys.platform == "darwin" else 2**10
-    )
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
 
 
 @pytest.mark.parametrize("end, limit", [("sleep 60", 2), ("exit", 60)])
@@ -363,11 +297,7 @@ def test_our_own_methods_are_measured_in_a_process_of_their_own(pair):
     "text, limit, message",
     [
         ("tool {moving} {out}", 9.0, "knows no|does not say|NAME=COMMAND"),
-        (
-            "mine=tool {mving} {out}",
-            9.0,
-            r"knows no \{mving\}: write it with \{moving\}, \{moving_sphere\}",
-        ),
+        ("mine=tool {mving} {out}", 9.0, r"knows no \{mving\}: write it with \{moving\}, \{moving_sphere\}"),
         ("mine=tool {moving}", 9.0, r"does not say where \{out\} goes"),
         ("mine=tool 'open {out}", 9.0, "is no command line: No closing quotation"),
         ("=tool {out}", 9.0, "write NAME=COMMAND"),
@@ -381,9 +311,7 @@ def test_a_command_line_is_checked_before_anything_runs(text, limit, message):
 
 def test_competitors_stand_beside_ours_unless_they_are_left_out():
     names = {peers: [run.name for run in table_of(peers, False)] for peers in (True, False, "only")}
-    assert names[False] == [run.name for run in RUNS] and names[True] == names[False] + [
-        run.name for run in PEERS
-    ]
+    assert names[False] == [run.name for run in RUNS] and names[True] == names[False] + [run.name for run in PEERS]
     assert names["only"] == [*BESIDE, *(run.name for run in PEERS)]
     assert {run.name for run in table_of(True, False) if run.alone} == {*BESIDE, "rotation"}
     assert not any(run.alone for run in table_of(False, False))
@@ -418,9 +346,7 @@ def test_spheres_and_demons_come_from_the_program_beside_us(pair, stand_in):
     sides = [replace(side, sphere=Sphere(side.surface)) for side in (pair.moving, pair.control)]
     own = replace(pair, moving=sides[0], control=sides[1], there_and_back=False)
     row = trial(own, Run("Demons", "spherical_demons"), METHODS["spherical_demons"])
-    assert row["status"] == "done" and row["reversed_on_sphere"] == 0 and row["cpu_seconds"] > 0, (
-        row
-    )
+    assert row["status"] == "done" and row["reversed_on_sphere"] == 0 and row["cpu_seconds"] > 0, row
     assert 5 < row["correspondence_mm"] < 20  # the stand-in leaves the ball as it is turned
     assert "cat_surf" not in sys.modules
 
@@ -431,7 +357,4 @@ def test_competitors_whose_package_is_missing_are_left_out_in_one_line(monkeypat
     monkeypatch.setattr(extras, "find_spec", lambda name: None)
     (rotation, demons) = PEERS
     assert lacking(rotation) is None
-    assert (
-        lacking(demons)
-        == "Spherical Demons need cat_surf, which is not installed: pip install 'qclearn[peers]'"
-    )
+    assert lacking(demons) == "Spherical Demons need cat_surf, which is not installed: pip install 'qclearn[peers]'"

@@ -11,13 +11,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from leaks import lines_of
-from test_repository import WIDEST_LINE
 
 from book.builder.graded import EXERCISES
 from book.builder.references import chapters
+from leaks import lines_of
 from qcbook.exercises import check
 from qcbook.exercises.exercise import Exercise
+from test_repository import WIDEST_LINE
 
 SEEDS = range(5)
 OTHERS = {
@@ -58,15 +58,8 @@ class Renamed(ast.NodeTransformer):
 
 def in_other_words(text):
     tree = ast.parse(text)
-    inner = [
-        node
-        for function in tree.body
-        if isinstance(function, ast.FunctionDef)
-        for node in ast.walk(function)
-    ]
-    stored = {
-        node.id for node in inner if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
-    }
+    inner = [node for function in tree.body if isinstance(function, ast.FunctionDef) for node in ast.walk(function)]
+    stored = {node.id for node in inner if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
     given = {node.arg for node in inner if isinstance(node, ast.arg)}
     return ast.unparse(ast.fix_missing_locations(Renamed(stored - given).visit(tree)))
 
@@ -98,9 +91,7 @@ def test_each_mistake_is_told_by_its_own_sentence_at_each_seed(exercise):
         told = [said(exercise, answer, seed) for seed in SEEDS]
         assert [text for text in told if not text.startswith(exercise.sentences[name])] == [], name
         assert all(30 <= len(text) <= 300 for text in told), name
-        assert [
-            line for line in lines_of(exercise.solved) if any(line in text for text in told)
-        ] == [], name
+        assert [line for line in lines_of(exercise.solved) if any(line in text for text in told)] == [], name
 
 
 @every
@@ -113,9 +104,7 @@ def test_sentences_differ_before_their_brackets(exercise):
 def test_a_mistake_is_recognised_in_other_words(exercise):
     for name, ((old, new), sentence) in exercise.module.MISTAKES.items():
         retyped = exercise._compiled(in_other_words(exercise.solved.replace(old, new)))
-        answer = (
-            partial(lambda inner, *given: inner(*given), retyped) if callable(retyped) else retyped
-        )
+        answer = partial(lambda inner, *given: inner(*given), retyped) if callable(retyped) else retyped
         assert said(exercise, answer).startswith(sentence), name
 
 
@@ -124,9 +113,7 @@ def test_any_other_answer_gets_words_and_no_traceback(exercise, capsys):
     for answer in (*OTHERS.values(), 3.0 if callable(exercise.solution) else True):
         check(exercise.name, answer)
         printed = capsys.readouterr().out
-        assert (
-            printed.startswith(f"✗ {exercise.name}: not yet. ") and len(printed.splitlines()) == 1
-        )
+        assert printed.startswith(f"✗ {exercise.name}: not yet. ") and len(printed.splitlines()) == 1
         assert len(printed) < 340 and "the check itself failed" not in printed
 
 
@@ -144,10 +131,7 @@ def test_answers_in_one_notebook_do_not_overwrite_each_other():
         name
         for exercise in EXERCISES.values()
         for node in ast.parse(exercise.solved).body
-        if (
-            name := getattr(node, "name", None)
-            or getattr(getattr(node, "targets", [None])[0], "id", None)
-        )
+        if (name := getattr(node, "name", None) or getattr(getattr(node, "targets", [None])[0], "id", None))
     )
     assert {name: times for name, times in defined.items() if times > 1} == {}
 
@@ -159,9 +143,7 @@ def test_checking_needs_no_torch_and_naming_the_exercises_is_light():
         "print([name for name in ('torch', 'matplotlib', 'nbformat', 'IPython') if name in "
         "sys.modules])"
     )
-    ran = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
-    )
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert ran.stdout == "True\n[]\n"
 
 
@@ -196,14 +178,10 @@ def test_a_mistake_is_told_by_what_it_returns_with_the_verdict_in_brackets():
 
 def test_nan_is_never_right_even_where_a_verdict_lets_it_through():
     careless = small(
-        FUNCTION,
-        verdict=lambda answer, case: "off" if abs(answer(case) - case - 1).max() > 1e-9 else None,
+        FUNCTION, verdict=lambda answer, case: "off" if abs(answer(case) - case - 1).max() > 1e-9 else None
     )
     assert "NaN" in said(careless, lambda x: x * np.nan) and said(careless, lambda x: x + 1) == ""
-    missing = small(
-        FUNCTION.replace("x + 1", "x * np.nan"),
-        verdict=lambda answer, case: (answer(case), None)[1],
-    )
+    missing = small(FUNCTION.replace("x + 1", "x * np.nan"), verdict=lambda answer, case: (answer(case), None)[1])
     assert said(missing, lambda x: np.nan) == ""  # where the solution gives NaN, too
 
 
@@ -212,9 +190,7 @@ def test_an_exception_is_told_with_the_students_line():
     linecache.cache["<cell 1>"] = len(cell), None, cell.splitlines(keepends=True), "<cell 1>"
     exec(compile(cell, "<cell 1>", "exec"), space)
     told = said(small(FUNCTION), space["more"])
-    assert told.startswith("`more` stops with AttributeError") and told.endswith(
-        "in `return x.no_such_thing`"
-    )
+    assert told.startswith("`more` stops with AttributeError") and told.endswith("in `return x.no_such_thing`")
 
 
 def test_a_number_is_asked_for_and_checked():
@@ -225,10 +201,7 @@ def test_a_number_is_asked_for_and_checked():
         verdict=lambda answer, case: "not this number" if abs(answer - 6) > 1e-9 else None,
         evidence=lambda answer, case: answer,
     )
-    assert (
-        exercise.blank == "how_many = ...  # your lines here\n"
-        and said(exercise, np.array(6)) == ""
-    )
+    assert exercise.blank == "how_many = ...  # your lines here\n" and said(exercise, np.array(6)) == ""
     assert said(exercise, 3).startswith("This is half of the number that is asked for here (")
     for answer in (..., None, "6", True, lambda: 6):
         assert said(exercise, answer).startswith("`how_many` should be a number; this is ")
@@ -243,6 +216,4 @@ def test_warnings_of_an_answer_are_not_shown(recwarn):
 @pytest.mark.parametrize("name", ["no-such-exercise", None, ["a list"]])
 def test_an_unknown_name_is_told(name, capsys):
     check(name, 1)
-    assert (
-        capsys.readouterr().out.startswith("There is no exercise ") and "alpha-signs" in EXERCISES
-    )
+    assert capsys.readouterr().out.startswith("There is no exercise ") and "alpha-signs" in EXERCISES

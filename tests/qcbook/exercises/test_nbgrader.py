@@ -22,9 +22,7 @@ MISTAKE = "sign of alpha_2"
 WRONG = EXERCISE.solved.replace(*EXERCISE.module.MISTAKES[MISTAKE][0])
 ENDLESS = "import time\ndef alphas(mu):\n    while True:\n        time.sleep(0.1)"
 WARNS = "import sys\nprint('a warning', file=sys.stderr)\n"
-BLOCKS = "".join(
-    re.findall(r"^ *```sh\n(.*?)```", markdown_of("teaching"), re.MULTILINE | re.DOTALL)
-)
+BLOCKS = "".join(re.findall(r"^ *```sh\n(.*?)```", markdown_of("teaching"), re.MULTILINE | re.DOTALL))
 GUIDE = re.findall(r"^ *(nbgrader .+?)(?: +#.*)?$", BLOCKS, re.MULTILINE)
 LIMIT = 12  # seconds a cell: more than a busy machine needs to import the library
 
@@ -36,18 +34,14 @@ def nbgrader(folder, command):
     if "autograde" in words:
         words.append(f"--Execute.timeout={LIMIT}")
     path = {"PATH": os.defpath}
-    run = subprocess.run(
-        words, cwd=folder, capture_output=True, text=True, env=os.environ | path, check=False
-    )
+    run = subprocess.run(words, cwd=folder, capture_output=True, text=True, env=os.environ | path, check=False)
     return run.returncode, run.stdout + run.stderr
 
 
 def handed_in(release, answer, lacks=()):
     """A student's notebook with this answer, without the cells of some tags."""
     notebook = deepcopy(release)
-    notebook.cells = [
-        cell for cell in notebook.cells if not set(lacks) & set(cell.metadata.get("tags", []))
-    ]
+    notebook.cells = [cell for cell in notebook.cells if not set(lacks) & set(cell.metadata.get("tags", []))]
     for cell in notebook.cells:
         if "answer" in cell.metadata.get("tags", []):
             cell.source = answer
@@ -105,25 +99,18 @@ def test_the_guide_has_the_commands():
 
 def test_right_and_wrong_answers_get_their_points(graded):
     with open(graded[0] / "grades.csv", newline="", encoding="utf-8") as file:
-        rows = {
-            row["student_id"]: (float(row["score"]), float(row["max_score"]))
-            for row in csv.DictReader(file)
-        }
+        rows = {row["student_id"]: (float(row["score"]), float(row["max_score"])) for row in csv.DictReader(file)}
     most = EXERCISE.points
     assert rows == {"ada": (most, most), "bob": (0, most), "cem": (0, most), "dee": (0, most)}
 
 
 def test_the_feedback_names_the_mistake(graded):
-    assert f"AssertionError: {EXERCISE.sentences[MISTAKE][:60]}" in squeezed(
-        feedback(graded[0], "bob")
-    )
+    assert f"AssertionError: {EXERCISE.sentences[MISTAKE][:60]}" in squeezed(feedback(graded[0], "bob"))
     assert EXERCISE.sentences[MISTAKE][:60] not in squeezed(feedback(graded[0], "ada"))
 
 
 def test_an_endless_loop_is_stopped_and_named(graded):
-    assert "does a loop in it, or in what it calls, never end?" in squeezed(
-        feedback(graded[0], "cem")
-    )
+    assert "does a loop in it, or in what it calls, never end?" in squeezed(feedback(graded[0], "cem"))
 
 
 def test_an_answer_that_python_does_not_read_is_named(graded):
@@ -136,11 +123,7 @@ def squeezed(page):
 
 
 def test_what_cannot_be_graded_is_refused_in_a_line_each(graded):
-    lines = [
-        line.partition("ERROR] ")[2]
-        for line in graded[1]["zip_collect"].splitlines()
-        if "ERROR] " in line
-    ]
+    lines = [line.partition("ERROR] ")[2] for line in graded[1]["zip_collect"].splitlines() if "ERROR] " in line]
     assert [line.split(": ")[0] for line in lines] == [
         "bob.ipynb",
         "list.ipynb",

@@ -12,9 +12,7 @@ def shaped(said, shape):
     """What an answer returns as an array, which has to have this shape."""
     said = np.asarray(said)
     if said.shape != shape:
-        raise Misfit(
-            f"an array of shape {shape} is asked for, and it returns {said.shape or 'no array'}"
-        )
+        raise Misfit(f"an array of shape {shape} is asked for, and it returns {said.shape or 'no array'}")
     return said
 
 

@@ -48,11 +48,7 @@ def pictures(rng):
         True,
         turn * np.exp(2.4j * z * np.exp(0.1j * rng.uniform())),
     )
-    yield (
-        "a twisted disk, small and far away",
-        True,
-        1e-5 * (z * np.exp(0.5j * (1 - abs(z) ** 2)) + 3 * turn),
-    )
+    yield ("a twisted disk, small and far away", True, 1e-5 * (z * np.exp(0.5j * (1 - abs(z) ** 2)) + 3 * turn))
     f = z.copy()
     f[1 + 40 * 5 + rng.integers(40)] += 0.3
     yield "one vertex pulled across its neighbours", False, f

@@ -15,9 +15,7 @@ so derive them: from $\nabla v = i A(\mu) \nabla u$ in the section *From one com
 from the four derivatives of $f = z + \mu\bar z$. Then test yourself by
 {prf:ref}`the proposition on the matrix <prop-matrix>`: what is $\det A$, and which direction does $A$ shrink?
 """
-READ = (
-    "Why do the wrong signs of (10), [E1](#erratum-1), not change the map that (15) and (16) give?"
-)
+READ = "Why do the wrong signs of (10), [E1](#erratum-1), not change the map that (15) and (16) give?"
 
 
 # %% answer
@@ -35,10 +33,7 @@ def alphas(mu):
 def cases(rng):
     """Affine maps p z + p mu conj(z), one alone, then six at once: mu and the four derivatives."""
     for shape in ((), (6,)):
-        axis, lean = (
-            rng.integers(4, size=shape),
-            rng.uniform(0.2, 0.8, shape),
-        )  # no mu is real or imaginary
+        axis, lean = (rng.integers(4, size=shape), rng.uniform(0.2, 0.8, shape))  # no mu is real or imaginary
         mu = rng.uniform(0.3, 0.8, shape) * np.exp(0.5j * np.pi * (axis + lean))
         p = rng.normal(size=(*shape, 2)) @ [1, 1j]
         f_x, f_y = p + mu * p, 1j * (p - mu * p)
@@ -52,9 +47,7 @@ def verdict(answer, case):
     if np.shape(said) != (3, *np.shape(mu)):
         return f"three numbers of the shape of mu are asked for, and it returns the shape {np.shape(said)}"
     a1, a2, a3 = said
-    first, second = (
-        np.max(abs(off)) for off in (v_y - a1 * u_x - a2 * u_y, v_x + a2 * u_x + a3 * u_y)
-    )
+    first, second = (np.max(abs(off)) for off in (v_y - a1 * u_x - a2 * u_y, v_x + a2 * u_x + a3 * u_y))
     if not max(first, second) < 1e-9:
         return f"{words}, v_y = ... is off by {first:.2g} and -v_x = ... by {second:.2g}"
 
@@ -98,10 +91,7 @@ MISTAKES = {
         " is eliminated in the text",
     ),
     "the printed pair": (
-        (
-            "return narrow / size, -2 * tau / size, wide / size",
-            "return -narrow / size, 2 * tau / size, -wide / size",
-        ),
+        ("return narrow / size, -2 * tau / size, wide / size", "return -narrow / size, 2 * tau / size, -wide / size"),
         "These are the signs of the paper's (10), erratum E1: such an A is negative definite, and "
         "its energy has no"
         " least value",

@@ -41,9 +41,7 @@ def cases(rng):
     ring = faces[(faces > 0).all(axis=1)] - 1
     for words, chi, some, points in (("disk", 1, faces, z), ("ring", 0, ring, z[1:])):
         height = rng.uniform(0.5, 1) * np.cos(1.5 * abs(points)) + 0.3 * points.real * points.imag
-        vertices = np.stack([points.real, points.imag, height], axis=1) + 0.03 * rng.normal(
-            size=(len(points), 3)
-        )
+        vertices = np.stack([points.real, points.imag, height], axis=1) + 0.03 * rng.normal(size=(len(points), 3))
         rim = np.arange(len(points) - 14, len(points))
         yield words, chi, vertices, some, rim if chi else np.append(np.arange(14), rim)
 
@@ -51,11 +49,7 @@ def cases(rng):
 def verdict(answer, case):
     words, chi, vertices, faces, rim = case
     angles = corner_angles(edge_lengths(vertices[faces]))
-    right = (
-        2 * np.pi
-        - np.bincount(faces.ravel(), angles.ravel())
-        - np.pi * np.isin(np.arange(len(vertices)), rim)
-    )
+    right = 2 * np.pi - np.bincount(faces.ravel(), angles.ravel()) - np.pi * np.isin(np.arange(len(vertices)), rim)
     said = shaped(answer(*case[2:]), right.shape)
     off = abs(said - right)
     if not off.max() < 1e-6:
@@ -76,10 +70,7 @@ MISTAKES = {
         " straight line, half of a turn",
     ),
     "rim left out": (
-        (
-            "return flat - total",
-            "return np.where(np.isin(np.arange(len(flat)), rim), 0, flat - total)",
-        ),
+        ("return flat - total", "return np.where(np.isin(np.arange(len(flat)), rim), 0, flat - total)"),
         "The rim is left out. The theorem of Gauss and Bonnet has a second sum, over the "
         "boundary: it is the turning"
         " of the rim",
@@ -91,10 +82,7 @@ MISTAKES = {
         " curvature sits in the wrong places",
     ),
     "outer angles": (
-        (
-            "np.roll(corners, -2, axis=1) - corners",
-            "np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)",
-        ),
+        ("np.roll(corners, -2, axis=1) - corners", "np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)"),
         "The two edges do not start at the same corner: that gives an outer angle, of another "
         "corner. Both have to"
         " leave the corner whose angle is asked for",
@@ -107,8 +95,7 @@ MISTAKES = {
     ),
     "degrees": (
         ("return flat - total", "return np.degrees(flat - total)"),
-        "These are degrees, and radians are asked for: a full turn is 2 pi. np.arccos gives "
-        "radians by itself",
+        "These are degrees, and radians are asked for: a full turn is 2 pi. np.arccos gives radians by itself",
     ),
     "flat case left out": (
         ("return flat - total", "return -total"),

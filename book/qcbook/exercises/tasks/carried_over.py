@@ -66,8 +66,7 @@ def verdict(answer, case):
         return f"{areas.sum():.6g} mm² were sent out, and {landed.sum():.6g} mm² have landed"
     if not abs(landed @ w - areas @ f) <= 1e-6 * areas.sum():
         return (
-            "no area is lost, but its centre has moved by "
-            f"{abs(landed @ w - areas @ f) / areas.sum():.2g} of a radius"
+            f"no area is lost, but its centre has moved by {abs(landed @ w - areas @ f) / areas.sum():.2g} of a radius"
         )
     if not np.allclose(landed, shares.T @ areas):
         return "sum and centre of the areas are right, and single vertices are not"
@@ -95,19 +94,13 @@ MISTAKES = {
         "weighs most",
     ),
     "nearest vertex": (
-        (
-            "labels[corners[np.arange(len(f)), weights.argmax(1)]]",
-            "labels[abs(f[:, None] - w).argmin(1)]",
-        ),
+        ("labels[corners[np.arange(len(f)), weights.argmax(1)]]", "labels[abs(f[:, None] - w).argmin(1)]"),
         "The label is that of the nearest vertex. That need not be a corner of the triangle in "
         "which the point lies, "
         "nor the one that weighs most there",
     ),
     "each landing once": (
-        (
-            "np.add.at(landed, corners, weights * areas[:, None])",
-            "landed[corners] += weights * areas[:, None]",
-        ),
+        ("np.add.at(landed, corners, weights * areas[:, None])", "landed[corners] += weights * areas[:, None]"),
         "Area is lost: an indexed sum with += keeps one of all the shares that land on a vertex. "
         "numpy has a "
         "function that adds at repeated places",
@@ -130,8 +123,7 @@ MISTAKES = {
     "averaged": (
         (
             "return there, landed",
-            "count = np.zeros(len(w)) + 1e-9\n    np.add.at(count, corners, weights)\n    return "
-            "there, landed / count",
+            "count = np.zeros(len(w)) + 1e-9\n    np.add.at(count, corners, weights)\n    return there, landed / count",
         ),
         "The areas are averaged over what lands on a vertex, as thickness would be. An area is an "
         "amount, and "

@@ -32,13 +32,7 @@ def cases(rng):
     z, faces = qc.polar_disk(14, 42)
     free, way = 1 - abs(z) ** 2, np.exp(1j * rng.uniform(0, 6))
     shifts, turns = rng.permutation([0.15, 0.3, 0.42]), rng.permutation([0.3, 0.8, 1.3])
-    yield (
-        np.array(
-            [(z + s * way * free) * np.exp(1j * turn * free) for s, turn in zip(shifts, turns)]
-        ),
-        z,
-        faces,
-    )
+    yield (np.array([(z + s * way * free) * np.exp(1j * turn * free) for s, turn in zip(shifts, turns)]), z, faces)
 
 
 def off_centre(maps, z, faces):
@@ -59,10 +53,7 @@ def verdict(answer, case):
     if not after <= 0.05 * before:
         return f"the average of the inverses is off the identity by {after:.3f}, and was by {before:.3f}"
     h = np.mean([qc.transfer(z, f, faces, z) for f in maps], axis=0)
-    if (
-        not max(abs(g - qc.transfer(h, z, faces, f)).mean() for f, g in zip(maps, found))
-        <= 0.05 * before
-    ):
+    if not max(abs(g - qc.transfer(h, z, faces, f)).mean() for f, g in zip(maps, found)) <= 0.05 * before:
         return "the inverses average to the identity, but the new maps are not each old one followed by one common map"
 
 
@@ -80,10 +71,8 @@ MISTAKES = {
     ),
     "inverse of the average": (
         (
-            "h = np.mean(inverses, axis=0)\n    return np.array([qc.transfer(h, z, faces, f) for "
-            "f in maps])",
-            "a = np.mean(maps, axis=0)\n    return np.array([qc.transfer(z, a, faces, f) for f in "
-            "maps])",
+            "h = np.mean(inverses, axis=0)\n    return np.array([qc.transfer(h, z, faces, f) for f in maps])",
+            "a = np.mean(maps, axis=0)\n    return np.array([qc.transfer(z, a, faces, f) for f in maps])",
         ),
         "This takes off the average of the maps by its inverse, as in the page's exercise 'Why "
         "not the average of "
@@ -103,7 +92,6 @@ MISTAKES = {
     ),
     "displacements added": (
         ("qc.transfer(h, z, faces, f)", "f + h - z"),
-        "The displacement of h is added where the vertex was. It is needed where the map has "
-        "taken the vertex: compose",
+        "The displacement of h is added where the vertex was. It is needed where the map has taken the vertex: compose",
     ),
 }

@@ -46,16 +46,8 @@ def cases(rng):
         np.concatenate([true, true[-1] + 25 * even[1:, None] * across]),
         true,
     )
-    yield (
-        "a course beside the sulcus, drawn from its other end",
-        course(even)[::-1] + 3 * across,
-        true,
-    )
-    yield (
-        "a course that leaves the sulcus at one end",
-        course(crowded) + 8 * crowded[:, None] * across,
-        true,
-    )
+    yield ("a course beside the sulcus, drawn from its other end", course(even)[::-1] + 3 * across, true)
+    yield ("a course that leaves the sulcus at one end", course(crowded) + 8 * crowded[:, None] * across, true)
 
 
 def from_to(one, other):
@@ -65,18 +57,13 @@ def from_to(one, other):
     along = np.append(0, np.cumsum(length))
     points = np.stack([np.interp(middle, along, x) for x in one.T], axis=1)
     along = np.append(0, np.cumsum(np.linalg.norm(np.diff(other, axis=0), axis=1)))
-    others = np.stack(
-        [np.interp((np.arange(300) + 0.5) / 300 * along[-1], along, x) for x in other.T], axis=1
-    )
+    others = np.stack([np.interp((np.arange(300) + 0.5) / 300 * along[-1], along, x) for x in other.T], axis=1)
     return np.linalg.norm(points[:, None] - others, axis=2).min(1).mean()
 
 
 def verdict(answer, case):
     words, found, true = case
-    said, right = (
-        float(answer(found.copy(), true.copy())),
-        (from_to(found, true) + from_to(true, found)) / 2,
-    )
+    said, right = (float(answer(found.copy(), true.copy())), (from_to(found, true) + from_to(true, found)) / 2)
     if not abs(said - right) <= 0.08 + 0.02 * right:
         return f"for {words} it says {said:.2f} mm, where {right:.2f} mm is right"
 
@@ -95,8 +82,7 @@ MISTAKES = {
     ),
     "from the second alone": (
         ("(apart.min(0).mean() + apart.min(1).mean()) / 2", "apart.min(0).mean()"),
-        "One direction alone: a detour beyond the sulcus costs nothing. Ask from the points of "
-        "the detected curve, too",
+        "One direction alone: a detour beyond the sulcus costs nothing. Ask from the points of the detected curve, too",
     ),
     "corners as they come": (
         ("one, other = evenly(one), evenly(other)", "one, other = np.array(one), np.array(other)"),
@@ -111,20 +97,13 @@ MISTAKES = {
         "points. Add up the lengths of the segments",
     ),
     "pairs of one number": (
-        (
-            "(apart.min(0).mean() + apart.min(1).mean()) / 2",
-            "np.linalg.norm(one - other, axis=1).mean()",
-        ),
+        ("(apart.min(0).mean() + apart.min(1).mean()) / 2", "np.linalg.norm(one - other, axis=1).mean()"),
         "Points of one number are compared, as landmarks are: a curve drawn from its other end is "
         "far from itself "
         "then. Take the nearest point",
     ),
     "the farthest point": (
-        (
-            "(apart.min(0).mean() + apart.min(1).mean()) / 2",
-            "max(apart.min(0).max(), apart.min(1).max())",
-        ),
-        "This is the distance of the farthest point: one bad end decides it. The page's figure is "
-        "a mean",
+        ("(apart.min(0).mean() + apart.min(1).mean()) / 2", "max(apart.min(0).max(), apart.min(1).max())"),
+        "This is the distance of the farthest point: one bad end decides it. The page's figure is a mean",
     ),
 }

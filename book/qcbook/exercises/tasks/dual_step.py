@@ -39,9 +39,7 @@ def cases(rng):
     size = len(disk.z)
     for beta, rows in ((1e-2, 6), (1.0, 10)):
         W = (disk.mass + beta * disk.laplace).toarray() / np.pi
-        J, nu = (
-            rng.normal(size=shape) + 1j * rng.normal(size=shape) for shape in ((rows, size), size)
-        )
+        J, nu = (rng.normal(size=shape) + 1j * rng.normal(size=shape) for shape in ((rows, size), size))
         yield W, 0.1 * J, rng.normal(size=rows), 0.2 * nu
 
 
@@ -93,8 +91,7 @@ MISTAKES = {
     ),
     "the change": (
         ("return -lifted @ y,", "return -lifted @ y - nu,"),
-        "This is the change. The theorem's formula is already the new field, and nu must not be "
-        "taken off again",
+        "This is the change. The theorem's formula is already the new field, and nu must not be taken off again",
     ),
     "sign": (
         ("return -lifted @ y,", "return lifted @ y,"),

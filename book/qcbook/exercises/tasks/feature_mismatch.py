@@ -72,9 +72,7 @@ def verdict(answer, case):
     if not abs(r - right) <= 1e-6:
         return f"blurred over {sigma:g} mm the two maps have r = {right:.6g}, and not {r:.6g}"
     if not abs(mismatch - 2 * (1 - right)) <= 1e-6:
-        return (
-            f"the mismatch is {mismatch:.6g} where r is {right:.6g}: what does the proposition say?"
-        )
+        return f"the mismatch is {mismatch:.6g} where r is {right:.6g}: what does the proposition say?"
 
 
 def evidence(answer, case):
@@ -91,18 +89,15 @@ MISTAKES = {
     ),
     "one step": (
         ("range(4)", "range(1)"),
-        "One step of the four: the flow stops after a quarter of its time, and the blur is half "
-        "as wide as sigma",
+        "One step of the four: the flow stops after a quarter of its time, and the blur is half as wide as sigma",
     ),
     "sigma for its square": (
         ("sigma**2 / 8", "sigma / 8"),
-        "The time of a heat flow goes with the square of a length: look at the units of K and of "
-        "A in the step",
+        "The time of a heat flow goes with the square of a length: look at the units of K and of A in the step",
     ),
     "without areas on the right": (
         ("factors.solve(areas * u)", "factors.solve(u)"),
-        "The right side of a step lacks the areas: a constant map does not stay constant then, "
-        "and small vertices gain",
+        "The right side of a step lacks the areas: a constant map does not stay constant then, and small vertices gain",
     ),
     "standardised first": (
         (

@@ -38,9 +38,7 @@ def cases(rng):
         phase = rng.uniform(0, 6)
         curve = np.stack([50 * t, 6 * np.sin(5 * t + phase), 4 * np.cos(3 * t)], axis=1)
         points = curve[np.linspace(0, 199, 10).astype(int)]
-        along = curve[
-            np.clip(np.linspace(0, 199, 10) + rng.uniform(-25, 25, 10), 20, 179).astype(int)
-        ]
+        along = curve[np.clip(np.linspace(0, 199, 10) + rng.uniform(-25, 25, 10), 20, 179).astype(int)]
         images = along + rng.normal(size=(10, 3))
         missed = rng.permutation(np.linspace(0.2, 2.4, 10))
         missed *= obeys or np.linalg.norm(images - points, axis=1).mean()
@@ -93,17 +91,14 @@ MISTAKES = {
     ),
     "from the curve": (
         ("apart.min(1).mean()", "apart.min(0).mean()"),
-        "The floor by curves is asked from the points of the control's curve; ask how far each "
-        "true image lies from it",
+        "The floor by curves is asked from the points of the control's curve; ask how far each true image lies from it",
     ),
     "root of the mean square": (
         ("return off.mean()", "return np.sqrt((off**2).mean())"),
-        "The floor by arc length is a mean of distances; this is the root of their mean square, "
-        "which large ones rule",
+        "The floor by arc length is a mean of distances; this is the root of their mean square, which large ones rule",
     ),
     "without absolute values": (
         ("abs(off - missed).mean()", "(off - missed).mean()"),
-        "The absolute value is missing: a point that is missed by more than its floor brings a "
-        "negative distance",
+        "The absolute value is missing: a point that is missed by more than its floor brings a negative distance",
     ),
 }

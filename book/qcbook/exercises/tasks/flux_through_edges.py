@@ -96,10 +96,7 @@ MISTAKES = {
         " where u and v are stretched by known factors",
     ),
     "another edge": (
-        (
-            "np.roll(z[faces], -2, axis=1) - np.roll(z[faces], -1, axis=1)",
-            "np.roll(z[faces], -1, axis=1) - z[faces]",
-        ),
+        ("np.roll(z[faces], -2, axis=1) - np.roll(z[faces], -1, axis=1)", "np.roll(z[faces], -1, axis=1) - z[faces]"),
         "The columns are shifted: column k has the edge that begins at corner k. Asked is the one "
         "opposite to it, as"
         " for the gradients of hat functions",

@@ -41,9 +41,7 @@ def cases(rng):
     z, _ = qc.polar_disk(6, 18)
     z = z + 0.1 * np.exp(1j * rng.uniform(0, 6)) * (1 - abs(z) ** 2)
     along = z * np.exp(2j * np.pi * rng.uniform())
-    areas = np.exp(
-        8 * along.real**2 + along.real
-    )  # a long surface: single steps towards its centroid fall short
+    areas = np.exp(8 * along.real**2 + along.real)  # a long surface: single steps towards its centroid fall short
     twisted = z * np.exp(0.5j * (1 - abs(z) ** 2))
     pairs = ("a map and the same after a Möbius map", z, z), ("two different maps", z, twisted)
     for words, f, g in pairs:
@@ -81,8 +79,7 @@ MISTAKES = {
     ),
     "turn forgotten": (
         ("return f / f[first]", "return f"),
-        "The centroid is at 0, but a turn is still free: the gauge has three real parameters, and "
-        "a centroid fixes two",
+        "The centroid is at 0, but a turn is still free: the gauge has three real parameters, and a centroid fixes two",
     ),
     "one step": (
         ("range(200)", "range(1)"),

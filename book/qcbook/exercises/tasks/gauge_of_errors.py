@@ -36,23 +36,11 @@ def cases(rng):
     one side."""
     z, _ = qc.polar_disk(6, 16)
     free, way = 1 - abs(z) ** 2, np.exp(1j * rng.uniform(0, 6, 2))
-    exact = np.array(
-        [z * np.exp(1j * free * (0.8 * z * way[0]).real), z + 0.25 * free * (0.5 + z**2 * way[1])]
-    )
+    exact = np.array([z * np.exp(1j * free * (0.8 * z * way[0]).real), z + 0.25 * free * (0.5 + z**2 * way[1])])
     bump = free * np.exp(-6 * abs(z - 0.6 * way[:, None]) ** 2)
     wrong = exact + np.array([[0.05], [0.25]]) * way[:, None] * bump
-    yield (
-        "maps that are right but for a Möbius map",
-        np.array([qc.mobius(f, 0.25j) for f in exact]),
-        exact,
-        z,
-    )
-    yield (
-        "maps with errors of their own",
-        np.array([qc.mobius(f, 0.6 * w) for f, w in zip(wrong, way)]),
-        exact,
-        z,
-    )
+    yield ("maps that are right but for a Möbius map", np.array([qc.mobius(f, 0.25j) for f in exact]), exact, z)
+    yield ("maps with errors of their own", np.array([qc.mobius(f, 0.6 * w) for f, w in zip(wrong, way)]), exact, z)
 
 
 def nearest(p, q):
@@ -67,17 +55,11 @@ def nearest(p, q):
 
 def verdict(answer, case):
     words, maps, exact, z = case
-    said = parts(
-        answer(maps.copy(), exact.copy(), z.copy(), nearest), 2, "as it comes, after Möbius"
-    )
+    said = parts(answer(maps.copy(), exact.copy(), z.copy(), nearest), 2, "as it comes, after Möbius")
     identity = np.tile(z, (len(exact), 1))
     comes = [abs(side - exact).sum() for side in (maps, identity)]
-    after = [
-        abs(np.array(list(map(nearest, side, exact))) - exact).sum() for side in (maps, identity)
-    ]
-    for name, figure, (off, still) in zip(
-        ("as they come", "after Möbius"), map(float, said), (comes, after)
-    ):
+    after = [abs(np.array(list(map(nearest, side, exact))) - exact).sum() for side in (maps, identity)]
+    for name, figure, (off, still) in zip(("as they come", "after Möbius"), map(float, said), (comes, after)):
         if not abs(figure - off / still) <= 1e-6:
             return f"for {words} the error {name} is {off / still:.6g}, and not {figure:.6g}"
 
@@ -108,10 +90,7 @@ MISTAKES = {
         "over all maps",
     ),
     "turns alone": (
-        (
-            "abs(nearest(f, target) - target)",
-            "abs(f * np.exp(1j * np.angle(np.vdot(f, target))) - target)",
-        ),
+        ("abs(nearest(f, target) - target)", "abs(f * np.exp(1j * np.angle(np.vdot(f, target))) - target)"),
         "A turn alone is sought. Möbius maps of the disk have three real parameters, and the "
         "point that goes to 0 "
         "is two of them",

@@ -50,31 +50,18 @@ def cases(rng):
     for split, curves in ((0, 8), (1, 11), (1, 9)):
         best, largest_r, folded = 2, 4, 5
         order = rng.permutation(np.delete(np.arange(len(RUNS)), [largest_r, folded]))
-        order = [
-            folded,
-            largest_r,
-            *order,
-        ]  # the run to report is neither the first nor the first that is certified
+        order = [folded, largest_r, *order]  # the run to report is neither the first nor the first that is certified
         best = order.index(best)
         runs = [RUNS[k] for k in order]
         near, far, r, certified = (np.array(part) for part in zip(*runs))
         fitted = rng.permutation(np.arange(curves) % 2 == 0)
         fitted = np.array([fitted, ~fitted])
         spread = 1 + 0.2 * rng.uniform(-1, 1, (len(runs), 2, curves))
-        own, others = rng.permutation(np.flatnonzero(~fitted[split]))[
-            :2
-        ]  # the farthest is another one in other runs
+        own, others = rng.permutation(np.flatnonzero(~fitted[split]))[:2]  # the farthest is another one in other runs
         spread[best, split, own] *= 3
         spread[np.arange(len(runs)) != best, split, others] *= 1.6
-        spread[best, split, rng.choice(np.flatnonzero(fitted[split]))] *= (
-            8  # and farther still where it was fitted
-        )
-        yield (
-            np.where(fitted, near[:, None, None], far[:, None, None]) * spread,
-            fitted,
-            certified,
-            r,
-        )
+        spread[best, split, rng.choice(np.flatnonzero(fitted[split]))] *= 8  # and farther still where it was fitted
+        yield (np.where(fitted, near[:, None, None], far[:, None, None]) * spread, fitted, certified, r)
 
 
 def verdict(answer, case):
@@ -94,9 +81,7 @@ def verdict(answer, case):
     if curve not in own[run]:
         return f"there are {len(own[run])} curves, numbered from 0 in both splits alike, and {curve} is none of them"
     if curve != max(own[run], key=own[run].get):
-        return (
-            f"curve {curve} of run {run} is {own[run][curve]:.6g} mm off, and another one farther"
-        )
+        return f"curve {curve} of run {run} is {own[run][curve]:.6g} mm off, and another one farther"
 
 
 def evidence(answer, case):
@@ -117,10 +102,7 @@ MISTAKES = {
         "took part in the fit",
     ),
     "by r": (
-        (
-            "np.where(certified.all(1), mm, np.inf).argmin()",
-            "np.where(certified.all(1), r, -1).argmax()",
-        ),
+        ("np.where(certified.all(1), mm, np.inf).argmin()", "np.where(certified.all(1), r, -1).argmax()"),
         "The run is chosen by r, which the fit was told to raise: a fit that has bent too far has "
         "the largest. "
         "Choose by the held-out curves",

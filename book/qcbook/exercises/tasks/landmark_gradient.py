@@ -73,13 +73,11 @@ def evidence(answer, case):
 MISTAKES = {
     "conjugated": (
         ("(Q.T @ residual)", "(Q.T @ residual).conj()"),
-        "Transposed, but not conjugated: Q is real, and in the convention of a gradient the "
-        "residual goes in as it is",
+        "Transposed, but not conjugated: Q is real, and in the convention of a gradient the residual goes in as it is",
     ),
     "factor 2": (
         ("2 * gamma / len(q)", "gamma / len(q)"),
-        "The factor 2 of the square is missing: differentiate the square of a residual before it "
-        "is pulled back",
+        "The factor 2 of the square is missing: differentiate the square of a residual before it is pulled back",
     ),
     "sum for mean": (
         ("2 * gamma / len(q)", "2 * gamma"),

@@ -55,8 +55,7 @@ def verdict(answer, case):
     if not off < 1e-8:
         part = "arguments" if np.allclose(abs(said), abs(right)) else "sizes"
         return (
-            f"for g = w + c conj(w)² + c conj(w)³ / 6 the {part} differ from the "
-            f"chain rule's; off by up to {off:.2g}"
+            f"for g = w + c conj(w)² + c conj(w)³ / 6 the {part} differ from the chain rule's; off by up to {off:.2g}"
         )
 
 

@@ -105,10 +105,7 @@ MISTAKES = {
         " divides by the derivative itself, not by its conjugate",
     ),
     "blind to folds": (
-        (
-            "return f_zbar / f_z",
-            "return np.where(abs(f_zbar) > abs(f_z), (f_z / f_zbar).conj(), f_zbar / f_z)",
-        ),
+        ("return f_zbar / f_z", "return np.where(abs(f_zbar) > abs(f_z), (f_z / f_zbar).conj(), f_zbar / f_z)"),
         "Folded triangles get |mu| below 1, as from a metric, which does not know which side is "
         "up. Read the"
         " paragraph 'Folds' once more: in the plane mu sees them",

@@ -45,10 +45,7 @@ def cases(rng):
     smooth = 0.4 * phase * np.exp(1j * (rng.uniform(0.1, 0.3) * row - 0.2 * column))
     yield "a smooth image", smooth
     yield "stripes that are one pixel wide", smooth * (-1.0) ** row
-    yield (
-        "a smooth image with a little of a checkerboard",
-        smooth + 0.1 * phase * (-1.0) ** (row + column),
-    )
+    yield ("a smooth image with a little of a checkerboard", smooth + 0.1 * phase * (-1.0) ** (row + column))
     n = 11
     yield "noise", 0.3 * (rng.normal(size=(n, n)) + 1j * rng.normal(size=(n, n)))
 
@@ -59,9 +56,7 @@ def verdict(answer, case):
     n = len(mu)
     average = (np.eye(n - 1, n) + np.eye(n - 1, n, 1)) / 2
     corners = average @ mu @ average.T
-    for name, figure, image in zip(
-        ("first number (seen)", "second (counted)"), map(float, said), (corners, mu)
-    ):
+    for name, figure, image in zip(("first number (seen)", "second (counted)"), map(float, said), (corners, mu)):
         step = n / 2 * (np.eye(len(image) - 1, len(image), 1) - np.eye(len(image) - 1, len(image)))
         right = (abs(step @ image) ** 2).mean() + (abs(image @ step.T) ** 2).mean()
         if not abs(figure - right) <= 1e-9 * (1 + right):
@@ -93,8 +88,7 @@ MISTAKES = {
     ),
     "around the edges": (
         ("np.diff(image, axis=k)", "(image - np.roll(image, 1, axis=k))"),
-        "The last pixel is taken for a neighbour of the first: the square is no torus, and its "
-        "edges would cost most",
+        "The last pixel is taken for a neighbour of the first: the square is no torus, and its edges would cost most",
     ),
     "real part": (
         ("abs(step) ** 2", "step.real ** 2"),

@@ -38,11 +38,7 @@ def cases(rng):
     for ratio in (0.75, 0.97, 1.03, 1.4):
         theirs = np.exp(0.8 * rng.normal(size=12))
         noise = 0.18 * rng.normal(size=12)
-        yield (
-            theirs * ratio * np.exp(noise - noise.mean()),
-            theirs,
-            rng.integers(12, size=(1000, 12)),
-        )
+        yield (theirs * ratio * np.exp(noise - noise.mean()), theirs, rng.integers(12, size=(1000, 12)))
 
 
 def verdict(answer, case):
@@ -94,10 +90,7 @@ MISTAKES = {
         "their mean",
     ),
     "unpaired": (
-        (
-            "logs[draws].mean(1)",
-            "np.log(ours)[draws].mean(1) - np.log(theirs)[np.roll(draws, 1, axis=0)].mean(1)",
-        ),
+        ("logs[draws].mean(1)", "np.log(ours)[draws].mean(1) - np.log(theirs)[np.roll(draws, 1, axis=0)].mean(1)"),
         "Both methods are resampled each by itself, as if their subjects were different people. "
         "Draw subjects, "
         "and keep the pair",
@@ -110,24 +103,16 @@ MISTAKES = {
     ),
     "nine in ten": (
         ("[0.025, 0.975]", "[0.05, 0.95]"),
-        "This interval holds nine in ten of the resampled means. Nineteen in twenty leave one in "
-        "forty on either side",
+        "This interval holds nine in ten of the resampled means. Nineteen in twenty leave one in forty on either side",
     ),
     "the word by the ratio": (
-        (
-            '"ahead" if high < 1 else "behind" if low > 1 else "level"',
-            '"ahead" if ratio < 1 else "behind"',
-        ),
+        ('"ahead" if high < 1 else "behind" if low > 1 else "level"', '"ahead" if ratio < 1 else "behind"'),
         "The word is read from the ratio alone, which always lies on one side of 1. The rule asks "
         "where the whole "
         "interval lies",
     ),
     "ends exchanged": (
-        (
-            '"ahead" if high < 1 else "behind" if low > 1',
-            '"ahead" if low < 1 else "behind" if high > 1',
-        ),
-        "The ends of the interval are exchanged in the rule: it lies below 1 where its upper end "
-        "does",
+        ('"ahead" if high < 1 else "behind" if low > 1', '"ahead" if low < 1 else "behind" if high > 1'),
+        "The ends of the interval are exchanged in the rule: it lies below 1 where its upper end does",
     ),
 }

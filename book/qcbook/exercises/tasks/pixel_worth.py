@@ -40,14 +40,8 @@ def cases(rng):
     phase = np.exp(0.5j * np.pi * (rng.integers(4) + rng.uniform(0.3, 0.7)))
     corner, outside = abs(np.sin(2 * np.arctan2(y, x))), np.hypot(x, y) > 1
     yield "an image that is large along the diagonals", (0.1 + 0.8 * corner**2) * phase
-    yield (
-        "an image that is large in one corner",
-        0.05 * phase + 0.9 * np.exp(-6 * abs(x + 1j * y + 0.7 + 0.7j) ** 2),
-    )
-    yield (
-        "an image that is large where pixels lie outside of the inscribed circle",
-        (0.1 + 0.7 * outside) * phase,
-    )
+    yield ("an image that is large in one corner", 0.05 * phase + 0.9 * np.exp(-6 * abs(x + 1j * y + 0.7 + 0.7j) ** 2))
+    yield ("an image that is large where pixels lie outside of the inscribed circle", (0.1 + 0.7 * outside) * phase)
     mu = 0.03 * phase * (0.5 + corner[: n - 3, : n - 3])
     mu[n // 2 - 2, n // 2 - 2] = rng.uniform(0.85, 0.95)
     yield "an image of an odd number of pixels with a peak at the centre", mu
@@ -58,9 +52,7 @@ def over_the_disk(mu, spokes=720):
     rings = 8 * len(mu)  # the border of a pixel lies between two of them
     r, t = (np.arange(rings) + 0.5) / rings, 2 * np.pi * (np.arange(spokes) + 0.5) / spokes
     w = qc.disk_to_square(r[:, None] * np.exp(1j * t))
-    column, row = (
-        np.clip((part + 1) / 2 * len(mu), 0, len(mu) - 1).astype(int) for part in (w.real, w.imag)
-    )
+    column, row = (np.clip((part + 1) / 2 * len(mu), 0, len(mu) - 1).astype(int) for part in (w.real, w.imag))
     return np.average((abs(mu[row, column]) ** 2).mean(1), weights=r)
 
 
@@ -83,10 +75,7 @@ MISTAKES = {
         "a side. Weigh them",
     ),
     "inverse": (
-        (
-            "(np.maximum(x, y) / (size + middle)) ** 2",
-            "((size + middle) / np.maximum(x, y).clip(1e-9)) ** 2",
-        ),
+        ("(np.maximum(x, y) / (size + middle)) ** 2", "((size + middle) / np.maximum(x, y).clip(1e-9)) ** 2"),
         "The factor is upside down: the square is larger than the disk, most of all in its "
         "corners, so a pixel "
         "there stands for less",
@@ -99,8 +88,7 @@ MISTAKES = {
     ),
     "the inscribed disk": (
         ("worth = worth + np.pi / 4 * middle", "worth = 1.0 * (size <= 1)"),
-        "Pixels outside of the inscribed circle are left out. The whole square stands for the "
-        "disk, its corners too",
+        "Pixels outside of the inscribed circle are left out. The whole square stands for the disk, its corners too",
     ),
     "without absolute values": (
         (
@@ -113,8 +101,7 @@ MISTAKES = {
     ),
     "no weight at the centre": (
         ("np.pi / 4 * middle", "0 * middle"),
-        "The pixel at 0 is left out. Its image is a disk that touches its four sides: compare the "
-        "two areas",
+        "The pixel at 0 is left out. Its image is a disk that touches its four sides: compare the two areas",
     ),
     "full weight at the centre": (
         ("np.pi / 4 * middle", "1 * middle"),

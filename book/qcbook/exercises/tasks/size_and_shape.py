@@ -53,9 +53,7 @@ def verdict(answer, case):
     said = answer(*case)
     if np.shape(said) != (2, len(faces)):
         return f"two arrays of {len(faces)} numbers are asked for, and it returns the shape {np.shape(said)}"
-    for name, one, right in zip(
-        ("size", "shape"), said, (longer * shorter / ratio, longer / shorter)
-    ):
+    for name, one, right in zip(("size", "shape"), said, (longer * shorter / ratio, longer / shorter)):
         off = abs(one - np.log2(right))
         if not off.max() < 1e-8:
             k = off.argmax()
@@ -87,8 +85,7 @@ MISTAKES = {
     ),
     "natural logarithms": (
         ("return np.log2(J / scale), np.log2(R)", "return np.log(J / scale), np.log(R)"),
-        "These are natural logarithms. The benchmark's have base two, so that one means a factor "
-        "of two",
+        "These are natural logarithms. The benchmark's have base two, so that one means a factor of two",
     ),
     "area of the turning part": (
         ("f_z**2 - f_zbar**2,", "f_z**2,"),

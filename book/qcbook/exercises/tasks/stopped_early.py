@@ -66,8 +66,7 @@ def verdict(answer, case):
         return "this is nearer than so many products and solves can come: count the steps, and begin at 0"
     if not own <= least + 1e-7 * size:
         return (
-            f"with steps = {steps} the error can fall to {least / size:.2g} of "
-            f"itself, and here it is {own / size:.2g}"
+            f"with steps = {steps} the error can fall to {least / size:.2g} of itself, and here it is {own / size:.2g}"
         )
 
 
