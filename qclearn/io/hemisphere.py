@@ -1,5 +1,6 @@
 """A hemisphere as commands take it: a file or fsaverage5, whole or cut open."""
 
+import contextlib
 import re
 from dataclasses import dataclass, replace
 
@@ -104,24 +105,20 @@ def read_hemisphere(path, cortex=None, units="mm", merge=False):
         return Hemisphere(path, whole, disk, frame_of_whole(Frame(named[1], kind="Pial"), whole))
     mesh = read_mesh(path, units, merge)
     frame = frame_of(path)
-    used = mesh.used()
-    if used is not mesh:  # the numbers are this file's, not those of an older whole surface
+    unused = mesh.used() is not mesh
+    if unused:  # the numbers are this file's, not those of an older whole surface
         mesh = mesh._replace(original_vertices=None)
-    try:
-        surface = surface_of(path, mesh)
-    except SurfaceError:  # what is cut away may have faults
-        if cortex is None:
-            raise
-        surface = mesh
-    given = surface if used is mesh else mesh
     if cortex is None:
-        frame = frame if given is surface else frame_of_whole(frame, mesh)
-        return Hemisphere(path, given, surface, frame)
-    if isinstance(given, Surface) and given.boundary_loops:
+        disk = surface_of(path, mesh)
+        whole = (mesh, disk, frame_of_whole(frame, mesh)) if unused else (disk, disk, frame)
+        return Hemisphere(path, *whole)
+    with contextlib.suppress(SurfaceError):  # what is cut away may have faults
+        mesh = mesh if unused else surface_of(path, mesh)
+    if isinstance(mesh, Surface) and mesh.boundary_loops:
         advice = "leave the label out, or give the whole surface"
         raise SurfaceError(f"{cortex}: {path} is open already; {advice}")
     require_side(cortex, frame_of(cortex).side, frame.side, path)
-    return Hemisphere(path, given, cut_out(path, given, cortex), frame_of_whole(frame, mesh))
+    return Hemisphere(path, mesh, cut_out(path, mesh, cortex), frame_of_whole(frame, mesh))
 
 
 def opened(path, mesh, mask):

@@ -137,6 +137,9 @@ def register(
     mirrored, exchanged or of another numbering are reported before the fit, and the result is the
     aligned map (`report["stopped"]`).
 
+    Lengths in mm, limits too, are in mm on surfaces in metres and micrometres as well, which are
+    suspect, and relative to the control's length where no hemisphere has it (`report["units"]`).
+
     `report["fallbacks"]` lists what was done besides, `report["suspect"]` why not to trust the
     result (diagnose.py). Errors: SurfaceError, LandmarkError (also for an uncertainty at settings
     in which it was not measured), FeatureError; BijectivityError if no map is bijective at any

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from ..plane.checks import SurfaceError
 
 LARGEST = 1e60  # of a coordinate: a squared area, its fourth power, is still a number
-ONE_PLACE = 1e-6  # of the boundary's length: points that near to each other lie in one place
+ONE_PLACE = 1e-10  # of the boundary's length: points that near to each other lie in one place
 LOOSE = 0.01  # of the vertices that a cut leaves may lie apart
 
 

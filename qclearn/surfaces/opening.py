@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Integer
 from numpy import ndarray
 
-from .checks import check_faces, check_topology, components, norms, vertex_array
+from .checks import LARGEST, check_faces, check_topology, components, norms, vertex_array
 from .surface import Mesh, Surface, SurfaceError, require_disk
 
 
@@ -68,10 +68,9 @@ def _without_wall(mesh, mask, cut):
     """What `open_surface` needs of a `Mesh` of which the largest gap of the cut faces (F,) is torn
     off: these have corners of their own, NaN. SurfaceError for faults elsewhere."""
     count = len(mesh.vertices)
-    a, b, c = (mesh.vertices[corner] for corner in mesh.faces.T)
-    with np.errstate(invalid="ignore", over="ignore"):
-        areas = norms(np.cross(b - a, c - a))
-    areas[~np.isfinite(areas)] = areas[np.isfinite(areas)].mean()
+    points = np.where(abs(mesh.vertices) < LARGEST, mesh.vertices, 0)  # NaN, too
+    a, b, c = (points[corner] for corner in mesh.faces.T)
+    areas = norms(np.cross(b - a, c - a))
     _, label = components(count, mesh.faces[cut][:, [0, 1, 1, 2]].reshape(-1, 2))
     gap = label[mesh.faces[:, 0]]
     wall = cut & (gap == np.bincount(gap, cut * areas).argmax())

@@ -202,9 +202,8 @@ class Mesh(NamedTuple):
         used = np.bincount(self.faces.ravel(), minlength=len(self.vertices)) > 0
         if used.all():
             return self
-        numbers = np.flatnonzero(used)
-        if self.original_vertices is not None:
-            numbers = np.asarray(self.original_vertices)[used]
+        numbers = origins(self.original_vertices, len(used))
+        numbers = np.flatnonzero(used) if numbers is None else numbers[used]
         mesh = self.renumbered(np.where(used, used.cumsum() - 1, -1))
         return mesh._replace(vertices=self.vertices[used], original_vertices=numbers)
 

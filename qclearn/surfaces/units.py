@@ -14,7 +14,7 @@ def size_of(surface):
     """Length of a surface, the unit in which a hemisphere is so long or None, and how long a mm is
     on it, without a unit 1 / TYPICAL of its length."""
     points = surface.vertices[np.isfinite(surface.vertices).all(axis=1)]
-    length = float(np.ptp(points, axis=0).max(initial=0))
+    length = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
     for unit, (least, most) in (("mm", IN_MM), ("m", IN_OTHERS), ("um", IN_OTHERS)):
         if least <= UNITS[unit] * length <= most:
             return length, unit, 1 / UNITS[unit]

@@ -89,7 +89,7 @@ def test_faults_of_what_is_cut_away_do_not_matter(mesh):
 
 
 @pytest.mark.parametrize("mesh, message", [
-    (in_one_place(~CAP), "2 degenerate faces"), (turned(~CAP), "more than two faces"),
+    (in_one_place(~CAP), "2 degenerate faces"), (turned(~CAP), "duplicate faces: 1 pair"),
     (unread(False), r"NaN or infinite coordinates: \d+"),
 ])  # fmt: skip
 def test_faults_of_what_stays_are_refused(mesh, message):
