@@ -226,6 +226,13 @@ def test_metres_unused_vertices_and_seams_are_read_as_the_pair_that_they_are(cut
         assert {name: one[name] for name in SIDES} == {name: other[name] for name in SIDES}
 
 
+def test_units_that_are_none_are_refused_and_those_of_another_surface_do_not_matter(made):
+    with pytest.raises(qc.SurfaceError, match="units = 'cm': give one of mm, m, um"):
+        qc.read_surface(made / "rh.pial", units="cm")
+    usual, told = (qc.read_surface(made / "rh.pial", units=units) for units in ("mm", "m"))
+    np.testing.assert_array_equal(usual.vertices, told.vertices)
+
+
 def test_open_merges_and_scales(made, cut, tmp_path):
     whole = qc.read_surface(made / "rh.pial")
     soup = 1e3 * whole.vertices[whole.faces].reshape(-1, 3)
