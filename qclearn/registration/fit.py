@@ -158,14 +158,9 @@ def fit_registration(
             f"delta = {weights.delta:g}: the features would take no part; give 0.1 to 1"
         )
     levels = feature_levels(problem.disk) if levels is None else levels
-    most = rings_for(problem.disk)
     # Levels of landmarks alone have nothing to do where a start or features lead.
     by_landmarks = start is None and len(problem.moving)
-    levels = [
-        level._replace(rings=min(level.rings, most))
-        for level in levels
-        if level.sigma or by_landmarks
-    ]
+    levels = [level for level in limited(levels, problem.disk) if level.sigma or by_landmarks]
 
     # From coarse features on a coarse mesh to fine ones; without landmarks maybe from two starts.
     multiresolution, begun = MultiresolutionFit(problem), ""
@@ -233,6 +228,12 @@ def better_of_two_starts(multiresolution, guiding, polar, fine, weights, feature
 def rings_for(disk):
     """How many rings the polar mesh of nu has for a `Disk`, by its vertices."""
     return int(np.clip(np.sqrt(len(disk.z) / 3), 8, 32))
+
+
+def limited(levels, disk):
+    """Levels with no more rings than `rings_for` a `Disk`."""
+    most = rings_for(disk)
+    return [level._replace(rings=min(level.rings, most)) for level in levels]
 
 
 def exceeds(objective, state, plain):
@@ -336,8 +337,7 @@ def exact_map(problem, mu):
     if result.bijective:
         return result
     f, rows, _ = unfold(solver, mobius(f, *result.mobius))
-    messages = solver_messages(solver, len(rows))
-    return certified(problem, f, result.mobius, messages, len(rows))
+    return certified(problem, f, result.mobius, solver_messages(solver, len(rows)), len(rows))
 
 
 def solver_messages(solver, switched=0):
@@ -355,12 +355,11 @@ def fit_with_fallbacks(problem, weights, start=None, enough=0.0, features=None):
         else:
             fit = fit_registration(problem, tried, features, start)
         if fit.bijective:
-            lowered = {
-                name: getattr(tried, name)
+            messages = [
+                f"{name} lowered to {getattr(tried, name):g}"
                 for name in ("delta", "gamma")
                 if getattr(tried, name) < getattr(weights, name)
-            }
-            messages = [f"{name} lowered to {value:g}" for name, value in lowered.items()]
+            ]
             return fit.with_messages(*messages)
     if len(problem.moving):
         given, last = "landmarks", f"gamma = {tried.gamma:g}"
@@ -384,4 +383,4 @@ def weight_fallbacks(weights, problem, features):
             yield weights
     if len(problem.moving):
         for power in range(1, 5):
-            yield weights.at(weights.gamma / 10**power)
+            yield replace(weights, gamma=weights.gamma / 10**power)

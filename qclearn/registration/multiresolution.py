@@ -221,7 +221,7 @@ class MultiresolutionFit:
         state = objective.at(nu, self.problem.mobius)
         if by_features and start is not None and len(self.problem.moving):
             best = best_mobius(objective.samples @ state.solution.f, self.problem.target)
-            state = objective.with_mobius(state, best)
+            state = objective.state(nu, best, state.solution)
         return state
 
     def carried(self, before, state, objective, start):

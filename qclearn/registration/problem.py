@@ -1,6 +1,6 @@
 """What a fit is given, checked once: landmarks of one disk with their targets, and weights."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -54,10 +54,6 @@ class Weights:
             raise LandmarkError(
                 f"eta = {self.eta!r}: must be finite and not negative (0: areas are left out)"
             )
-
-    def at(self, gamma, delta=None):
-        """The same with another gamma, and delta if given."""
-        return replace(self, gamma=gamma, delta=self.delta if delta is None else delta)
 
     @property
     def factors(self):

@@ -54,7 +54,8 @@ def few_steps(problem, mu, steps, weights):
     objective = MultiresolutionFit(problem).objective(level, weights)
     begin = objective.at(mesh.to_vertices @ unbounded(mu), (0j, 0.0))
     best = best_mobius(objective.samples @ begin.solution.f, problem.target)
-    state, _ = run_level(objective, objective.with_mobius(begin, best), level)
+    begin = objective.state(begin.nu, best, begin.solution)
+    state, _ = run_level(objective, begin, level)
     result = exact_map(problem, bounded(mesh.sampling(problem.disk.centroids) @ state.nu))
     warn_of(result.fallbacks)
     return result.f
