@@ -213,15 +213,16 @@ def better_of_two_starts(multiresolution, guiding, polar, fine, weights, feature
     nothing = np.zeros(len(first.coefficient_mesh.mesh.z), complex)
     coarse = run(guiding, placed, (first, first.at(nothing, parameters)))
     objective, state, steps = run(polar[len(guiding) :], begun=coarse)
-    fits = [run(polar), (objective, state, coarse[2] + steps)]
-    values = [objective.value(state, objective.weights.gamma) for objective, state, _ in fits]
-    best = int(values[1] < values[0])
-    starts = [
-        f"{name} (objective {value:.4g})"
-        for name, value in zip(("features", "features and places"), values)
-    ]
+    fits = {"features": run(polar), "features and places": (objective, state, coarse[2] + steps)}
+    values = {
+        name: objective.value(state, objective.weights.gamma)
+        for name, (objective, state, _) in fits.items()
+    }
+    best, other = sorted(values, key=values.get)
     objective, state, steps = run(fine, begun=fits[best])
-    message = f"by {starts[best]}, not by {starts[1 - best]}"
+    message = (
+        f"by {best} (objective {values[best]:.4g}), not by {other} (objective {values[other]:.4g})"
+    )
     return objective, state, fits[best][2] + steps, message
 
 

@@ -341,7 +341,7 @@ class Discretization:
 
     def __init__(self, problem, coefficient_mesh, own):
         self.problem, self.coefficient_mesh, self.own = problem, coefficient_mesh, own
-        self.samples = problem.samples if own else coefficient_mesh.disk.sampling(problem.moving)
+        self.samples = coefficient_mesh.disk.sampling(problem.moving)
         self.landmarks = LandmarkTerm(problem.target, problem.curve, problem.sliding)
 
     @cached_property

@@ -42,18 +42,14 @@ class Weights:
 
     def __post_init__(self):
         rule = "alpha and gamma must be positive and finite, beta not negative"
-        for name in ("alpha", "beta", "gamma"):
-            value = getattr(self, name)
-            if not (is_finite(value) and (value > 0 or (value == 0 and name == "beta"))):
-                raise LandmarkError(f"{name} = {value!r}: {rule}")
-        if not (is_finite(self.delta) and self.delta >= 0):
-            raise LandmarkError(
-                f"delta = {self.delta!r}: must be finite and not negative (0.1 to 1 is usual)"
-            )
-        if not (is_finite(self.eta) and self.eta >= 0):
-            raise LandmarkError(
-                f"eta = {self.eta!r}: must be finite and not negative (0: areas are left out)"
-            )
+        rules = {
+            "delta": "must be finite and not negative (0.1 to 1 is usual)",
+            "eta": "must be finite and not negative (0: areas are left out)",
+        }
+        for name, value in vars(self).items():
+            positive = name in ("alpha", "gamma")
+            if not (is_finite(value) and (value > 0 if positive else value >= 0)):
+                raise LandmarkError(f"{name} = {value!r}: {rules.get(name, rule)}")
 
     @property
     def factors(self):
@@ -84,8 +80,7 @@ class Problem:
 
     def __post_init__(self):
         landmarks = check_landmarks(self.moving, self.target, self.curve, self.sliding, self.fewest)
-        for name, array in zip(("moving", "target", "curve"), landmarks):
-            object.__setattr__(self, name, array)
+        vars(self).update(zip(("moving", "target", "curve"), landmarks))
 
     @cached_property
     def samples(self):
