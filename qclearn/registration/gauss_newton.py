@@ -25,7 +25,7 @@ from scipy import sparse
 from ..plane.bijectivity import unfold
 from ..plane.coefficients import bounded_pullback
 from ..plane.linear import factorise
-from ..plane.mobius import compose_mobius, mobius, mobius_fields, mobius_slope
+from ..plane.mobius import best_mobius, compose_mobius, mobius, mobius_fields, mobius_slope
 from ..plane.solver import DiskSolver
 from ..plane.tangent import Tangent
 from .residuals import LandmarkTerm
@@ -412,6 +412,12 @@ class GaussNewtonObjective:
         self.work += 1 + REPAIR_WORK * state.rounds
         return state
 
+    def aligned(self, state):
+        """The state with the same nu and the Möbius map that then fits the landmarks best: no
+        solve."""
+        best = best_mobius(self.samples @ state.solution.f, self.problem.target)
+        return self.state(state.nu, best, state.solution)
+
     def at_mobius(self, parameters):
         """The state with nu = 0 and the Möbius map itself at each vertex, repaired where it folds
         triangles."""
@@ -423,8 +429,8 @@ class GaussNewtonObjective:
         return self.state(nu, parameters, solution, f)
 
     def state(self, nu, parameters, solution, f=None):
-        """The `State` of the solver's map of nu and the Möbius map after it, or of another map f
-        (V,) of both, repaired where it folds the problem's own mesh: no solve else."""
+        """The `State` of the solver's map of nu and the Möbius map after it, or of a map f (V,) in
+        the place of both, repaired where it folds the problem's own mesh."""
         switched, rounds = (), 0
         if f is None:
             f = mobius(solution.f, *parameters)

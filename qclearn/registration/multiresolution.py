@@ -15,7 +15,6 @@ from ..plane.checks import check_coefficient
 from ..plane.coefficients import unbounded
 from ..plane.grids import polar
 from ..plane.linear import LARGE
-from ..plane.mobius import best_mobius
 from ..plane.tangent import CoefficientMesh
 from .features import FINEST, Smoothing
 from .gauss_newton import MIN_DECREASE, Discretization, GaussNewtonObjective
@@ -220,8 +219,7 @@ class MultiresolutionFit:
         nu = start_field(self.problem.disk, start, objective.coefficient_mesh.mesh)
         state = objective.at(nu, self.problem.mobius)
         if by_features and start is not None and len(self.problem.moving):
-            best = best_mobius(objective.samples @ state.solution.f, self.problem.target)
-            state = objective.state(nu, best, state.solution)
+            state = objective.aligned(state)
         return state
 
     def carried(self, before, state, objective, start):
