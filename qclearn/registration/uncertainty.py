@@ -73,13 +73,13 @@ class Laplace:
 
     def derivative(self, step):
         """G, by the pushforward of every unit change."""
-        count, (P, Q), to_faces = 2 * len(self.mesh.z), step.activation, step.to_faces.tocsc()
+        count, to_faces = 2 * len(self.mesh.z), step.to_faces.tocsc()
         G = np.empty((len(self.mesh.z), count + 3), complex)
         for first in range(0, count, BATCH):
             k = np.arange(first, min(first + BATCH, count))
             unit = to_faces[:, k // 2].toarray() * np.where(k % 2, 1j, 1.0)
-            change = P[:, None] * unit + Q[:, None] * unit.conj()
-            G[:, k] = step.slope[:, None] * self.state.solution.pushforward(change.T).T
+            df = self.state.solution.pushforward(step.activated(unit.T))
+            G[:, k] = (step.slope * df).T
         G[:, count:] = step.fields
         return G
 
