@@ -110,21 +110,15 @@ def fit_landmarks(
 # On matrices of this size BLAS threads wait for each other: up to five times slower.
 @threadpool_limits.wrap(limits=1)
 def fit_problem(problem, weights, start=None, rings=None, watch=None, enough=0.0):
-    """`fit_landmarks` of a `Problem`, or of the `MultiresolutionFit` of a fitted one, with
-    `Weights`."""
+    """`fit_landmarks` of a `Problem` with `Weights`."""
     if rings is not None and not (isinstance(rings, (int, np.integer)) and rings >= FEWEST_RINGS):
         raise LandmarkError(
             f"rings = {rings!r}: give an integer from {FEWEST_RINGS}, or None to go by the mesh's "
             "size"
         )
-    if isinstance(problem, MultiresolutionFit):
-        multiresolution, problem = problem, problem.problem
-    else:
-        multiresolution = MultiresolutionFit(problem)
-
     # From a coarse polar mesh to the caller's own.
     levels = landmark_levels(problem.disk, rings or rings_for(problem.disk))
-    objective, state, steps = multiresolution.run(
+    objective, state, steps = MultiresolutionFit(problem).run(
         levels, weights, start, watch=watch, enough=enough
     )
     fit = report_fit(objective, state, (sum(steps[:-1]), steps[-1]))

@@ -125,7 +125,7 @@ def landmark_levels(disk, rings):
 
 class MultiresolutionFit:
     """The fit of one `Problem` on a sequence of levels, with any weights: caches what no weight
-    changes, for a slider say."""
+    changes."""
 
     def __init__(self, problem):
         self.problem, self.discretizations, self.densities = problem, {}, {}

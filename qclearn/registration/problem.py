@@ -94,7 +94,7 @@ class Problem:
         return best_mobius(self.moving, self.target) if len(self.moving) else (0j, 0.0)
 
 
-def check_landmarks(moving, target, curve, sliding, fewest=1):
+def check_landmarks(moving, target, curve, sliding, fewest):
     """Landmarks as complex arrays and curve labels, or LandmarkError."""
     try:
         moving = np.atleast_1d(complex_numbers(moving, "moving landmarks"))

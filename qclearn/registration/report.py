@@ -97,7 +97,7 @@ def dice(pair, regions, *maps):
     return {"before": before, "after": after, "regions": dict(zip(names, rest))}
 
 
-def report_of(pair, landmarks, weights, fit, points, regions=None, against=()):
+def report_of(pair, landmarks, weights, fit, points, regions, against):
     """The report of a registration, a dict for JSON, without method and seconds.
 
     landmarks: the pair's `SampledLandmarks`, whose best Möbius map is the `_before` of everything;
