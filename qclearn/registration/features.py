@@ -332,9 +332,9 @@ def check_features(features, moving, control):
 
 
 def _feature(number, given, moving, control):
-    weight = None
-    if isinstance(given, (list, tuple)) and len(given) == 2 and not hasattr(given[1], "__len__"):
-        given, weight = given
+    is_pair = isinstance(given, (list, tuple)) and len(given) == 2
+    weighted = is_pair and (isinstance(given[1], str) or not hasattr(given[1], "__len__"))
+    given, weight = given if weighted else (given, None)
     if isinstance(given, str):
         if given not in FOLDS:
             raise FeatureError(
