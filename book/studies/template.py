@@ -25,6 +25,7 @@ from data_synth.cohort import cohort
 from data_synth.correspondence import correspondence
 from data_synth.generations import GENERATION
 from qclearn.benchmark.measured import RESULTS, write_measured
+from qclearn.benchmark.measures import correspondence_measures, near_curves
 from qclearn.group.members import members_of
 from qclearn.group.rounds import Folder, Group
 from qclearn.group.subject import alone
@@ -33,7 +34,6 @@ from qclearn.io.provenance import provenance
 from qclearn.plane.disk import Disk
 from qclearn.registration.curves import curve_distance, curves_in_space
 from qclearn.registration.features import FOLDS
-from qclearn.registration.metrics import correspondence_measures, near_curves
 from qclearn.registration.problem import BY_DISKS, Weights
 from qclearn.surfaces.conformal import ParameterizedSurface
 from qclearn.surfaces.curvature import curvature_image

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from ..io.checkpoint import Checkpoint
-from ..registration.metrics import paired_difference
 from .measured import SCHEMA_VERSION, BenchmarkError, plain, write_measured
+from .measures import paired_difference
 from .verdicts import judge_start, side
 
 
