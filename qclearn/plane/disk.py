@@ -13,13 +13,12 @@ from scipy import sparse
 
 from .checks import BeltramiError, check_coefficient, check_map, check_mesh, planar_points
 from .coefficients import diffuse
-from .linear import assemble, three_a_row
+from .linear import assemble, opposite_edges, three_a_row
 
 PerVertex, PerFace, Faces = Complex[ndarray, " V"], Complex[ndarray, " F"], Integer[ndarray, " F 3"]
 OF_FACES = ("loop", "open_halfedges", "across")  # depend on the faces alone: pictures share them
 STEPS = 12  # across edges, from the face where a point is looked for first
 LOST, BEYOND = -1, -2  # in place of a face: not reached; across the boundary of a convex polygon
-FEW = 0.25  # share of the faces of which polygons are built at once
 INSET = 1e-4  # share of the radius that points moved onto the boundary polygon stay inside it
 
 
@@ -83,9 +82,7 @@ class Disk:
                 f"{bad[:5].tolist()}); use a planar mesh without folds, or reverse every face if "
                 "all of them are clockwise"
             )
-        corners = self.z[self.faces]
-        opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
-        return 0.5j * opposite / self.areas[:, None]
+        return 0.5j * opposite_edges(self.z[self.faces]) / self.areas[:, None]
 
     @cached_property
     def centroids(self) -> PerFace:
@@ -137,13 +134,13 @@ class Disk:
     ) -> tuple[Integer[ndarray, " P"], Float[ndarray, " P 3"]]:
         """Where points lie, as `qclearn.locate`: (face, barycentric coordinates, non-negative, sum
         1)."""
-        points = np.atleast_1d(planar_points(points, "points"))
+        points = planar_points(points, "points")
         unknown = np.flatnonzero(~np.isfinite(points))
         if len(unknown):
             raise BeltramiError(
                 f"points {unknown[:5].tolist()} are not finite: they lie nowhere; leave them out"
             )
-        return self.lookup.once(points)
+        return self.lookup(points)
 
     def sampling(self, points: Complex[ndarray, " P"]) -> Float[sparse.csr_array, " P V"]:
         """From values of the vertices to values at points (P,), linear in each face."""
@@ -262,13 +259,11 @@ def read_only(array):
 
 
 def integers(x):
-    """Finite doubles (n,) times the power of two that makes all of them integers, as Python's,
-    object (n,)."""
-    mantissa, exponent = np.frexp(x)
-    mantissa = np.ldexp(mantissa, 53).astype(np.int64)
-    exponent -= exponent.min(initial=0, where=mantissa != 0)  # of 0 it says nothing
-    whole = [m << max(e, 0) for m, e in zip(mantissa.tolist(), exponent.tolist())]
-    return np.array(whole, dtype=object).reshape(len(x))
+    """2^1074 times finite doubles (n,), as Python's integers, object (n,): no double has a larger
+    denominator."""
+    largest = 2**1074
+    ratios = map(float.as_integer_ratio, x.tolist())
+    return np.array([number * (largest // part) for number, part in ratios], dtype=object)
 
 
 def _next(corners):
@@ -301,25 +296,6 @@ class Lookup:
         if len(lost):
             point, some = self._tree.query(shapely.points(pairs(points[lost])), "intersects")
             face[lost[point]] = some
-        return self._with_weights(points, face)
-
-    def once(self, points):
-        """The same without a tree of the whole mesh, where few faces come near the points."""
-        corners = pairs(self.z[self.faces])
-        points_xy = pairs(points)
-        low = points_xy.min(0, initial=np.inf)
-        high = points_xy.max(0, initial=-np.inf)
-        near = np.flatnonzero(((corners.max(1) >= low) & (corners.min(1) <= high)).all(1))
-        if len(near) >= FEW * len(self.faces):
-            return self(points)
-        face = np.full(len(points), LOST)
-        tree = shapely.STRtree(shapely.polygons(corners[near]))
-        point, some = tree.query(shapely.points(points_xy), "intersects")
-        face[point] = near[some]
-        return self._with_weights(points, face)
-
-    def _with_weights(self, points, face):
-        """Faces and barycentric coordinates of points (P,), those in no face moved into one."""
         outside = np.flatnonzero(face < 0)
         if len(outside):
             points = points.copy()
@@ -370,27 +346,23 @@ class Lookup:
         turns = np.angle(np.roll(edges, -1) / edges)
         return BEYOND if turns.min() >= 0 and turns.sum() < 3 * np.pi else LOST
 
-    @cached_property
-    def _rim(self):
-        """The boundary vertices by angle, and the face at each one's edge to the next."""
+    def _project_radially(self, points):
+        """A boundary face for each of the points (P,), and the points moved onto its chord."""
+        angles = np.angle(self.z[self.disk.loop])
+        order = np.argsort(angles)
+        loop = self.disk.loop[order]
+        k = np.searchsorted(angles[order], np.angle(points), side="right") - 1
+        a = self.z[loop[k]]
+        b = self.z[np.roll(loop, -1)[k]]
         rim = self.disk.open_halfedges  # one begins at each boundary vertex
         face = np.empty(len(self.z), int)
         face[self.faces.ravel()[rim]] = rim // 3
-        loop = self.disk.loop[np.argsort(np.angle(self.z[self.disk.loop]))]
-        return loop, face[loop]
-
-    def _project_radially(self, points):
-        """A boundary face for each of the points (P,), and the points moved onto its chord."""
-        loop, face = self._rim
-        k = np.searchsorted(np.angle(self.z[loop]), np.angle(points), side="right") - 1
-        a = self.z[loop[k]]
-        b = self.z[np.roll(loop, -1)[k]]
         # The ray s p meets the chord a + t (b - a) where Im(conj(b - a)(s p - a)) = 0.
         s = ((b - a).conj() * a).imag / ((b - a).conj() * points).imag
         radius = abs(points)
         gap = 1 - s * radius  # between the chord and the arc: none at a boundary vertex
         inside = np.divide(1 - radius, gap, out=np.zeros_like(gap), where=gap > 0)
-        return face[k], s * (1 - INSET * np.clip(inside, 0, 1)) * points
+        return face[loop[k]], s * (1 - INSET * np.clip(inside, 0, 1)) * points
 
 
 def _edge_distances(corners, points):
