@@ -51,8 +51,13 @@ def mobius_fields(w):
 def compose_mobius(
     first: tuple[complex, float], second: tuple[complex, float]
 ) -> tuple[complex, float]:
-    """Parameters (a, theta) of `second` after `first`, each given as (a, theta): numbers, or arrays
-    (B,)."""
+    """Parameters (a, theta) of `second` after `first`, each given as (a, theta)."""
+    a, theta = _composed(first, second)
+    return complex(a), float(theta)
+
+
+def _composed(first, second):
+    """The same for arrays (B,) of parameters."""
     a = mobius_inverse(second[0], *first)  # what the composition sends to 0
     at_one = mobius(mobius(np.ones_like(a), *first), *second)
     return a, np.angle(at_one * (1 - np.conj(a)) / (1 - a))
@@ -142,7 +147,7 @@ def nearest_mobius(p, q, turns=4, rounds=30):
         turn, real, imaginary = step[..., 0].T
         shift = (real + 1j * imaginary) / np.sqrt(1 + real**2 + imaginary**2)  # stays in the disk
         # A step that makes a sum of squares larger is not taken, and the next one is shorter.
-        after = compose_mobius(parameters, (shift, turn))
+        after = _composed(parameters, (shift, turn))
         off_after = _image(p, after) - q
         cost_after = (abs(off_after) ** 2).sum(1)
         lower = cost_after <= cost * (1 + ROUNDING)
