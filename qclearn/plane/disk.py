@@ -19,6 +19,7 @@ PerVertex, PerFace, Faces = Complex[ndarray, " V"], Complex[ndarray, " F"], Inte
 OF_FACES = ("loop", "open_halfedges", "across")  # depend on the faces alone: pictures share them
 STEPS = 12  # across edges, from the face where a point is looked for first
 LOST, BEYOND = -1, -2  # in place of a face: not reached; across the boundary of a convex polygon
+FEW = 0.25  # share of the faces of which polygons are built at once
 INSET = 1e-4  # share of the radius that points moved onto the boundary polygon stay inside it
 
 
@@ -140,7 +141,7 @@ class Disk:
             raise BeltramiError(
                 f"points {unknown[:5].tolist()} are not finite: they lie nowhere; leave them out"
             )
-        return self.lookup(points)
+        return self.lookup.once(points)
 
     def sampling(self, points: Complex[ndarray, " P"]) -> Float[sparse.csr_array, " P V"]:
         """From values of the vertices to values at points (P,), linear in each face."""
@@ -296,6 +297,25 @@ class Lookup:
         if len(lost):
             point, some = self._tree.query(shapely.points(pairs(points[lost])), "intersects")
             face[lost[point]] = some
+        return self._with_weights(points, face)
+
+    def once(self, points):
+        """The same without a tree of the whole mesh, where few faces come near the points."""
+        corners = pairs(self.z[self.faces])
+        points_xy = pairs(points)
+        low = points_xy.min(0, initial=np.inf)
+        high = points_xy.max(0, initial=-np.inf)
+        near = np.flatnonzero(((corners.max(1) >= low) & (corners.min(1) <= high)).all(1))
+        if len(near) >= FEW * len(self.faces):
+            return self(points)
+        face = np.full(len(points), LOST)
+        tree = shapely.STRtree(shapely.polygons(corners[near]))
+        point, some = tree.query(shapely.points(points_xy), "intersects")
+        face[point] = near[some]
+        return self._with_weights(points, face)
+
+    def _with_weights(self, points, face):
+        """Faces and barycentric coordinates of points (P,), those in no face moved into one."""
         outside = np.flatnonzero(face < 0)
         if len(outside):
             points = points.copy()

@@ -84,6 +84,15 @@ def test_a_lookup_finds_the_same_faces_from_a_guess(shift):
         np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
+@pytest.mark.parametrize("reach", [1.0, 0.1])
+def test_a_single_question_is_answered_as_many_are(mesh, reach):
+    """Whether faces from all over the mesh come near the points, or few of them."""
+    disk, rng = Disk(*mesh), np.random.default_rng(1)
+    points = 0.1 + reach * np.sqrt(rng.uniform(size=100)) * np.exp(2j * np.pi * rng.uniform(size=100))
+    for found, expected in zip(disk.lookup.once(points), disk.lookup(points)):
+        np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
 def test_places_in_a_face_turned_over_have_weights_too():
     z, faces = polar_disk(6, 18)
     face, weights = locate(z, faces[:, ::-1], [0.3 + 0.1j, -0.55j])
