@@ -162,9 +162,10 @@ def _as_labels(array, named):
     """An array's data, without sides of 1; labels (by the intent, or whole numbers with a table
     that names regions) as integers where they are stored as floats."""
     data = np.atleast_1d(np.squeeze(array.data))
+    if data.dtype.kind != "f":
+        return data
     odd = data % 1 != 0  # also NaN and infinite
-    is_labels = array.intent == _LABEL or (named and not odd[np.isfinite(data)].any())
-    if data.dtype.kind != "f" or not is_labels:
+    if array.intent != _LABEL and not (named and not odd[np.isfinite(data)].any()):
         return data
     if odd.any():
         value, vertex = data[odd][0], np.argwhere(odd)[0][0]

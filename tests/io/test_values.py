@@ -110,7 +110,7 @@ def test_three_kinds_of_nifti_have_three_ways(tmp_path, name, image, words):
 @pytest.mark.parametrize("name, content, words", [
     ("lh.cortex.patch.flat", np.array([-1, 2, 1, 0, 0, 0, -2, 0, 0, 0], ">i4"), "patch.*mris_convert -p IN OUT"),
     ("lh.white", b"\xff\xff\xff" + bytes([0, 0, 4, 0, 0, 1]) + np.arange(12, dtype=">i2").tobytes(), "quadrangles"),
-    ("lh.pial", b"\xff\xff\xfd" + bytes([0, 0, 4, 0, 0, 1]) + bytes(60), "quadrangles .*mris_convert IN OUT.surf.gii"),
+    ("lh.pial", b"\xff\xff\xfd" + bytes([0, 0, 4, 0, 0, 1]) + bytes(60), "quadrangles.*: mris_convert IN OUT.surf.gii"),
     ("lh.midthickness.asc", b"#!ascii version of lh.midthickness\n", "FreeSurfer's text.*mris_convert"),
     ("lh.a.niml.dset", b"<AFNI_dataset>", "AFNI's .*ConvertDset -o_gii -input IN -prefix OUT"),
     ("subject_Lwhite.mesh", b"binarDCBA", "BrainVISA's .*AimsFileConvert -i IN -o OUT.gii"),
@@ -329,10 +329,10 @@ def test_whole_numbers_of_floats_are_carried_with_a_word(tmp_path, carry, capsys
     np.save(tmp_path / "w.npy", SOME + 0.5)
     np.save(tmp_path / "one.npy", np.ones(30))
     hint = "v.npy: whole numbers, carried as numbers; give --nearest if these are labels\n"
-    for name, options, said in (("v.npy", (), True), ("v.npy", ("--nearest",), False), ("w.npy", (), False),
+    for name, options, hinted in (("v.npy", (), True), ("v.npy", ("--nearest",), False), ("w.npy", (), False),
                                 ("one.npy", (), False)):  # fmt: skip
         carry(name, *options)
-        assert capsys.readouterr().out.endswith(hint) == said
+        assert capsys.readouterr().out.endswith(hint) == hinted
 
 
 def test_maps_of_one_file_keep_their_types(tmp_path, carry, capsys):
