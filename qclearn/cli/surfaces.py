@@ -118,6 +118,7 @@ def write_carried(out, carried, numbering, wall):
     require_same(out, beside, cortex)
     labels = carried.labels or {}
     fill = np.nan if wall == "nan" else nothing_key(labels) if labels else 0
+    fill = np.where(carried.whole, fill, 0) if carried.whole else fill
     qc.write_values(out, numbering.on_whole(carried.values, fill), *carried[1:])
     qc.write_values(beside, cortex, carried.side, names=["cortex"])
     return numbering.count
