@@ -24,7 +24,7 @@ _BY_SUFFIX = {
 }
 # What FreeSurfer's binary files hold.
 SURFACE = "is a FreeSurfer surface, not values at its vertices; give a map such as lh.thickness"
-MAP = "holds one value a vertex, as lh.thickness does, and no surface; give lh.pial or lh.white"
+MAP = "holds what belongs to a surface's vertices (lh.thickness), no surface; give that (lh.pial)"
 _PATCH = (
     "is a FreeSurfer patch, vertices without faces; give the surface that it is a part of, such as "
     "lh.pial, or convert it: mris_convert -p IN OUT.surf.gii"

@@ -49,10 +49,9 @@ def read_surface(path: str | Path) -> Surface:
         kind, reader = _READERS[suffix]
     else:
         kind, reader = "FreeSurfer surface", _read_freesurfer
-        if suffix in (".annot", ".label", ".mgh", ".mgz", ".txt", ".npy"):
-            message = "holds what belongs to the vertices of a surface; give that surface"
-            raise SurfaceError(f"{path}: {message}, such as lh.pial")
         held = foreign.freesurfer_kind(data)
+        if held is None and suffix in (".annot", ".label", ".mgh", ".mgz", ".txt", ".npy"):
+            held = foreign.MAP
         if held != foreign.SURFACE:
             held = held or _unknown_format("nor is the content a FreeSurfer surface")
             raise SurfaceError(f"{path}: {held}")

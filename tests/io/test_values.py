@@ -127,8 +127,8 @@ def test_a_map_is_no_surface_and_a_surface_no_map(tmp_path):
     write_values(tmp_path / "lh.a.mgz", VALUES)
     write_surface(tmp_path / "lh.pial", Surface(np.eye(3), [[0, 1, 2]]))
     for name, read, words in (
-        ("lh.thickness", read_surface, "holds one value a vertex.*give lh.pial"),
-        ("lh.a.mgz", read_surface, "belongs to the vertices of a surface; give that surface"),
+        ("lh.thickness", read_surface, r"belongs to a surface's vertices \(lh.thickness\).*lh.pial"),
+        ("lh.a.mgz", read_surface, "belongs to a surface's vertices.*give that"),
         ("lh.pial", read_values, "is a FreeSurfer surface, not values.*lh.thickness"),
     ):
         with pytest.raises(SurfaceError, match=f"{name}: .*{words}"):
