@@ -156,12 +156,10 @@ def summary(rows):
             if values or key in MAIN:
                 line[key] = float(np.mean(values)) if values else None
                 line[f"sd_of_{key}"] = float(np.std(values)) if values else None
-        stages = (
-            {name: [row["seconds"][name] for row in done] for name in done[0]["seconds"]}
-            if done
-            else {}
-        )
-        line["stages"] = {name: float(np.median(seconds)) for name, seconds in stages.items()}
+        stages = done[0]["seconds"] if done else ()
+        line["stages"] = {
+            name: float(np.median([row["seconds"][name] for row in done])) for name in stages
+        }
         line["seconds"] = line["stages"].get("map")
         table[run] = line
     return table

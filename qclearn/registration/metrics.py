@@ -7,6 +7,9 @@ from scipy.sparse.csgraph import dijkstra
 from ..plane.linear import corner_angles, edge_lengths
 from .curves import edge_graph, weigh_edges
 
+# Errors of a landmark or a curve, before the fit (best Möbius map) and after it, in the disk and in
+# mm.
+ERRORS = ("landmark_error_before", "landmark_error", "landmark_error_mm")
 SMALLEST_RATIO = 1e-6  # of a face's area to its share, where it is measured
 SMALLEST_IN_FILES = 1e-9  # of areas that coordinates of float32 bear out
 
@@ -21,17 +24,9 @@ def coefficient_statistics(mu):
     }
 
 
-def curve_rows(names, before, after, millimetres):
-    """Per curve, dict: its name and mean errors before (best Möbius map) and after, in the disk and
-    in mm; the errors of the landmarks are (10 K,) each, curve after curve."""
-    keys = ("name", "landmark_error_before", "landmark_error", "landmark_error_mm")
-    by_curve = (e.reshape(len(names), -1).mean(1).tolist() for e in (before, after, millimetres))
-    return [dict(zip(keys, row)) for row in zip(names, *by_curve)]
-
-
 def mean_rows(rows):
     """The mean of each error over the rows of the curves that have it."""
-    keys = ["landmark_error_before", "landmark_error", "landmark_error_mm", "landmark_error_true"]
+    keys = [*ERRORS, "landmark_error_true"]
     columns = {key: [row[key] for row in rows if key in row] for key in keys}
     return {key: float(np.mean(values)) for key, values in columns.items() if values}
 
