@@ -3,10 +3,13 @@
 import os
 import subprocess
 import sys
+import warnings
+from pathlib import Path
 
+import click
 import pytest
 
-from qclearn.cli.output import output_folder
+from qclearn.cli.output import expanded, file_to_write, output_folder, say, unfailing_streams, warn
 
 # Runs that are killed: in the block, before the folder takes its place, and while files replace
 # those of an older run
@@ -73,3 +76,71 @@ def test_a_new_folder_has_the_permissions_of_any_other(tmp_path):
     (tmp_path / "usual").mkdir()
     write(tmp_path / "deep" / "out", "report.json")
     assert (tmp_path / "deep" / "out").stat().st_mode == (tmp_path / "usual").stat().st_mode
+
+
+# Messages
+
+
+SAYS = """
+import sys
+from qclearn.cli.output import fail, say, unfailing_streams
+with unfailing_streams():
+    say("M\\xf6bius " * 9999)
+    fail("written, but suspect", 3)
+"""
+
+
+def said(**streams):
+    run = subprocess.run([sys.executable, "-c", SAYS], env=os.environ | {"PYTHONIOENCODING": "cp932"}, **streams)
+    return run.returncode, run.stdout
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no full disk")
+def test_the_exit_code_does_not_depend_on_who_listens(tmp_path):
+    code, text = said(stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    assert code == 3 and rb"M\xf6bius" in text
+    reader, writer = os.pipe()
+    os.close(reader)
+    with open("/dev/full", "w") as full, open(writer, "w") as gone:
+        for ends in ({"stdout": full}, {"stdout": gone}, {"stderr": full}, {"stdout": gone, "stderr": gone}):
+            assert said(**{"stderr": subprocess.DEVNULL} | ends)[0] == 3
+
+
+def test_streams_that_are_not_there_are_none(monkeypatch):
+    monkeypatch.setattr(sys, "stdout", None)
+    monkeypatch.setattr(sys, "stderr", None)
+    with unfailing_streams():
+        say("to nobody")
+        warn("to nobody")
+    assert sys.stdout is None
+
+
+def test_a_warning_is_one_line(capsys):
+    with unfailing_streams():
+        warnings.simplefilter("always")
+        warnings.warn("left\nout", stacklevel=1)
+    assert capsys.readouterr().err == "qclearn: left out\n"
+
+
+# Places
+
+
+def test_the_home_folder_is_filled_in_where_shells_leave_it(monkeypatch):
+    monkeypatch.setenv("HOME", "/home/ada")
+    monkeypatch.setenv("USERPROFILE", "/home/ada")
+    assert expanded("--out=~/reg") == f"--out={Path.home() / 'reg'}"
+    assert expanded("~/lh.pial") == str(Path.home() / "lh.pial")
+    for name in ("~", "~lh.pial", "a~/b", "--method=harmonic", "x=~/y", "fsaverage5:left"):
+        assert expanded(name) == name
+    with pytest.raises(click.UsageError, match="--out=~nobody.at.all/x: ~ is no known folder"):
+        expanded("--out=~nobody.at.all/x")
+
+
+def test_a_file_is_refused_before_the_work(tmp_path, monkeypatch):
+    assert file_to_write(tmp_path / "a.npz") == tmp_path / "a.npz"
+    for path, fault in ((tmp_path, "is a folder"), (tmp_path / "none" / "a.npz", "its folder does not exist")):
+        with pytest.raises(OSError, match=f"{path}: cannot be written: {fault}"):
+            file_to_write(path)
+    monkeypatch.setattr(os, "access", lambda place, how: False)
+    with pytest.raises(OSError, match="or is not writable"):
+        file_to_write(tmp_path / "a.npz")

@@ -1,6 +1,5 @@
 """`qclearn open`, `transfer` and `synth`: surfaces, and values on them."""
 
-import os
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
 from pathlib import Path
@@ -11,12 +10,13 @@ from tqdm import tqdm
 
 import qclearn as qc
 
+from ..io.frames import side_of_name
 from ..io.hemisphere import frame_of_whole, require_side
 from ..io.meshes import frame_of
 from ..io.values import Map, read_map
 from ..registration.transfer import frame_of_side, numbering_of_side, read_registration
 from ..registration.transfer import transfer as transfer_map
-from .output import say
+from .output import file_option, file_to_write, say
 
 hemisphere_option = click.option(
     "--hemisphere", type=click.Choice(["left", "right"]), help="For GIFTI, if no file names it."
@@ -32,7 +32,7 @@ hemisphere_option = click.option(
 )
 @click.option("--reverse", is_flag=True, help="Reverse all faces first: the surface is inside out.")
 @hemisphere_option
-@click.option("--out", required=True, help="File; npz and GIFTI store the original numbers, too.")
+@file_option("File; npz and GIFTI store the original numbers, too.")
 def open_command(surface, mask, label, keep, reverse, hemisphere, out):
     """Cut a closed hemisphere open at its medial wall, so that it becomes a disk."""
     if (mask is None) == (label is None):
@@ -42,10 +42,11 @@ def open_command(surface, mask, label, keep, reverse, hemisphere, out):
         closed = qc.Surface(closed.vertices, closed.faces[:, ::-1], closed.curves)
     qc.require_outward(closed)
     frame = frame_of(surface)
-    require_side(mask or label, frame_of(mask or label).side, hemisphere or frame.side, surface)
+    hemisphere = agreed(hemisphere, frame.side, surface)
+    require_side(mask or label, frame_of(mask or label).side, hemisphere, surface)
     mask = qc.read_mask(mask or label, closed, keep)
     opened, original = qc.open_surface(closed, mask)
-    frame = frame_of_whole(replace(frame, side=hemisphere or frame.side), closed)
+    frame = frame_of_whole(replace(frame, side=hemisphere), closed)
     qc.write_surface(out, opened, original_vertices=original, frame=frame)
     count, rim = len(opened.vertices), len(opened.boundary)
     say(f"{out}: {count} of {len(closed.vertices)} vertices, boundary of {rim}")
@@ -55,6 +56,14 @@ def open_command(surface, mask, label, keep, reverse, hemisphere, out):
     if lost := int((~mask).sum() - (~mask)[original].sum()):
         reason = "they lie apart from the largest piece, or on its rim alone"
         say(f"{lost} vertices outside the mask go: {reason}")
+
+
+def agreed(hemisphere, side, name):
+    """The value of --hemisphere, or else what the file says; SurfaceError where they differ."""
+    if hemisphere and side and hemisphere != side:
+        advice = f"leave --hemisphere {hemisphere} out, or correct the name and metadata"
+        raise qc.SurfaceError(f"{name}: is of the {side} hemisphere; {advice}")
+    return hemisphere or side
 
 
 @click.command()
@@ -69,7 +78,7 @@ def open_command(surface, mask, label, keep, reverse, hemisphere, out):
     default="0",
     help="Value on the medial wall; cut: write the cut-open surface's values alone.",
 )
-@click.option("--out", required=True, help=".npy, .txt, .gii, .mgh, .annot or a morphometry name.")
+@file_option(".npy, .txt, .gii, .mgh, .annot or a morphometry name.")
 def transfer(registration, values, to, nearest, hemisphere, wall, out):
     """Carry the per-vertex file VALUES to the other surface of REGISTRATION, a registration.npz.
 
@@ -92,7 +101,8 @@ def transfer(registration, values, to, nearest, hemisphere, wall, out):
         )
     here = numberings[source].on_disk(given.values, values)
     carried = transfer_map(here, z[source], arrays[f"faces_{source}"], z[to], nearest)
-    carried = Map(carried, hemisphere or sides[to], given.labels if nearest else None, given.names)
+    side = agreed(hemisphere, sides[to], f"the {to} surface")
+    carried = Map(carried, side, given.labels if nearest else None, given.names)
     count = write_carried(out, carried, numberings[to], wall)
     on_cortex = f", {len(z[to])} on its cortex" if count > len(z[to]) else ""
     say(f"{out}: {count} values on the {to} surface{on_cortex}")
@@ -157,10 +167,9 @@ def synth(seed, vertices, hemisphere, cohort, generation, workers, out):
     if Path(out).suffix != ".npz" or Path(out).is_dir():
         advice = "give such an --out"
         raise click.UsageError(f"{out}: synth writes a file whose name ends in .npz; {advice}")
-    if not os.access(Path(out).absolute().parent, os.W_OK):
-        advice = "make it, or give another --out"
-        raise OSError(f"{out}: its folder does not exist or cannot be written to; {advice}")
+    file_to_write(out)
     seed, hemisphere = seed or 0, hemisphere or "left"
+    agreed(hemisphere, side_of_name(out), out)
     made = grow_with_bar(data_synth.make_cortex, seed, vertices, hemisphere, generation=generation)
     data_synth.save_cortex(out, made)
     click.echo(f"{out}: seed {seed}, {hemisphere}, generation {generation}")

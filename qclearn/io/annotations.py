@@ -3,7 +3,7 @@
 import nibabel
 import numpy as np
 
-from .safe import FormatError, require_all
+from .safe import FormatError, require_all, sound_text, text_of
 
 # Key -1 is no region; FreeSurfer and Workbench show it so.
 NONE = ("???", (1.0, 1.0, 1.0, 0.0))
@@ -36,7 +36,7 @@ def parts(path, data):
 def labels_of(table, names):
     """Key -> (name, (r, g, b, a) from 0 to 1) of an annotation's table, and -1 for none."""
     colours = np.column_stack([table[:, :3], 255 - table[:, 3]]) / 255
-    names = [name.decode(errors="replace") for name in names]
+    names = map(text_of, names)
     return {-1: NONE} | {
         key: (name, tuple(colours[key].tolist())) for key, name in enumerate(names)
     }
@@ -61,5 +61,5 @@ def write(path, values, labels):
         seen.add((red, green, blue))
         row[:4] = red, green, blue, 255 - alpha
     places = np.where(np.isin(values, list(none)), -1, np.searchsorted(keys, values))
-    names = [labels[key][0] for key in keys.tolist()]
+    names = [sound_text(labels[key][0]) for key in keys.tolist()]
     nibabel.freesurfer.write_annot(path, places, table, names, fill_ctab=True)

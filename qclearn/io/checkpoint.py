@@ -42,7 +42,7 @@ class Checkpoint:
         try:
             self.path.mkdir(parents=True, exist_ok=True)
             place = self.path / self.record
-            return json.loads(place.read_text(encoding="utf-8")) if place.exists() else None
+            return json.loads(place.read_bytes()) if place.exists() else None
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
             message = f"{self.path}: cannot be used ({reason}); give another folder"

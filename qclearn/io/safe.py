@@ -4,6 +4,7 @@ Bytes have to bear out what a file announces, so its size bounds a reader's memo
 killed or failed run began never stands under the name that was asked for.
 """
 
+import codecs
 import errno
 import gzip
 import io
@@ -37,11 +38,17 @@ _BAD_BYTES = (
     ValueError, OverflowError, EOFError, OSError,
     struct.error, zlib.error, zipfile.BadZipFile, ExpatError,
 )  # fmt: skip
+# What XML cannot hold, nor UTF-8 (surrogates), nor a reader give back (a carriage return).
+_UNSOUND = re.compile("[^\t\n -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _LIBRARIES = {"nibabel", "numpy", "plyfile", "zipfile", "gzip", "xml", "ast", "tokenize", "json"}
 
 
 class FormatError(ValueError):
     """What is wrong in the bytes of a file; the reader adds the path and the remedy."""
+
+
+class LeftOutWarning(UserWarning):
+    """What a reader leaves out of a file that is sound otherwise."""
 
 
 def allowance(size):
@@ -98,6 +105,7 @@ def explain(path, kind, lead="not a readable"):
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
+            warnings.simplefilter("always", LeftOutWarning)
             yield
     except SurfaceError as error:
         raise SurfaceError(f"{path}: {error}") from None
@@ -260,6 +268,26 @@ def _runs(process):
 def is_plain_name(name):
     """Whether a curve's name can be shown: up to 200 characters, no control characters."""
     return len(name) <= 200 and name.isprintable()
+
+
+def text_of(data):
+    """The text of bytes up to a NUL, behind which programs leave rubbish: UTF-8, else Latin-1."""
+    data = data.partition(b"\0")[0]
+    try:
+        return data.decode()
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def decoded(data):
+    """The text of a file's bytes: UTF-8, or UTF-16 with a byte order mark, as Windows writes it."""
+    is_wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    return data.decode("utf-16" if is_wide else "utf-8-sig")
+
+
+def sound_text(text):
+    """A text for XML and UTF-8: what they cannot hold is escaped, as in \\x1b."""
+    return _UNSOUND.sub(lambda match: ascii(match[0])[1:-1], text)
 
 
 def printable(text):

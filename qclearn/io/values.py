@@ -12,9 +12,9 @@ from numpy import ndarray
 
 from ..surfaces.surface import Surface, SurfaceError
 from . import annotations, gifti
-from .frames import side_of_name
+from .frames import agreed_side, side_of_name
 from .meshes import is_freesurfer_name, suffix_of
-from .safe import FormatError, explain, npy_array, read_bytes, require_all, write_whole
+from .safe import FormatError, decoded, explain, npy_array, read_bytes, require_all, write_whole
 
 _MORPHOMETRY = b"\xff\xff\xff"
 _MAP_SUFFIXES = (
@@ -132,7 +132,7 @@ def read_map(path):
 def _read_gifti(path, data):
     image = gifti.parse(data)
     names = [array.meta.get("Name", "") for array in image.darrays]
-    side = gifti.side_of_image(image) or side_of_name(path)
+    side = agreed_side(path, gifti.side_of_image(image))
     labels = gifti.labels_of(image) or None
     return Map(gifti.values_of(image), side, labels, names if all(names) else None)
 
@@ -174,8 +174,9 @@ def write_values(
     if values.dtype.kind not in "biuf" or values.ndim not in (1, 2):
         advice = "give (V,) or (V, k), real and imaginary apart"
         raise SurfaceError(f"{path}: {values.dtype} {values.shape} cannot be written; {advice}")
+    with explain(path, "name"):
+        side = agreed_side(path, side)
     if suffix == ".gii":
-        side = side or side_of_name(path)
         names = names or gifti.names_of(path, values)
         values = _fitting(path, values)
         with explain(path, "label table"):
@@ -272,9 +273,10 @@ def _read_mgh(_, data):
     return values[:, 0] if shape[3] == 1 else values
 
 
-def _read_txt(path, data):
-    whole = re.fullmatch(rb"[\s\d+-]*", data)  # NumPy would also cut 0.5 to 0
-    return np.loadtxt(path, ndmin=1, dtype=np.int64 if whole else np.float64)
+def _read_txt(_, data):
+    text = decoded(data)
+    whole = re.fullmatch(r"[\s\d+-]*", text)  # NumPy would also cut 0.5 to 0
+    return np.loadtxt(text.splitlines(), ndmin=1, dtype=np.int64 if whole else np.float64)
 
 
 def _write_npy(path, values):

@@ -4,7 +4,7 @@ import nibabel
 import numpy as np
 import pytest
 
-from qclearn.io.values import read_values, write_values
+from qclearn.io.values import read_map, read_values, write_values
 from qclearn.surfaces.surface import SurfaceError
 
 VALUES = np.array([0.1, -2.5, 1 / 3, 7e4])
@@ -140,3 +140,19 @@ def test_a_damaged_annotation_is_refused(tmp_path):
         path.write_bytes(bad)
         with pytest.raises(SurfaceError, match="lh.a.annot: not a readable FreeSurfer annotation"):
             read_values(path)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_a_text_of_windows_is_read(tmp_path, encoding):
+    """PowerShell and Notepad begin it with a byte order mark."""
+    (tmp_path / "v.txt").write_bytes("1\r\n0\r\n3\r\n".encode(encoding))
+    values = read_values(tmp_path / "v.txt")
+    assert values.dtype == np.int64 and values.tolist() == [1, 0, 3]
+
+
+def test_a_name_of_an_annotation_ends_at_nul_and_may_be_latin1(tmp_path):
+    names = [b"low\0\x10 \x15\xec", "M\xfcller".encode("latin-1")]
+    table = np.array([[9, 9, 9, 0, 0], [8, 8, 8, 0, 0]])
+    nibabel.freesurfer.write_annot(tmp_path / "lh.a.annot", np.array([0, 1]), table, names, fill_ctab=True)
+    labels = read_map(tmp_path / "lh.a.annot").labels
+    assert [labels[k][0] for k in range(2)] == ["low", "M\xfcller"]
