@@ -6,9 +6,9 @@ import warnings
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from platformdirs import user_cache_path
 from tqdm import tqdm
 
+from qclearn.io.checkpoint import cache_folder
 from qclearn.io.safe import write_whole
 
 from .cortex import CortexError, make_cortex, require_generation
@@ -65,7 +65,7 @@ def hemispheres(
 
 def default_folder():
     """The default folder of the cohort: the user's cache folder of this platform."""
-    return user_cache_path("qclearn") / "cohort"
+    return cache_folder("cohort")
 
 
 def subject_path(folder, seed, n_vertices, generation=GENERATION):

@@ -172,7 +172,7 @@ TABLE += [["Sulcus \xe9", side, str(k), "0.5", str(k), "-1.25"] for side in ("mo
     [
         (",", ".", "\r", "utf-8"),  # Excel for the Mac
         (";", ",", "\r\n", "utf-8-sig"),  # Excel in Europe
-        ("\t", ",", "\r\n", "utf-16"),  # its 'Unicode text'
+        ("\t", ",", "\r\n", "utf-8"),
         (";", ".", "\n", "utf-8"),
     ],
 )

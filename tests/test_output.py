@@ -1,5 +1,6 @@
 """The folder that a command writes: whole or absent, whenever its process is killed."""
 
+import io
 import os
 import subprocess
 import sys
@@ -8,8 +9,9 @@ from pathlib import Path
 
 import click
 import pytest
+from tqdm import tqdm
 
-from qclearn.cli.output import expanded, file_to_write, output_folder, say, unfailing_streams, warn
+from qclearn.cli.output import expanded, fail, file_to_write, output_folder, say, unfailing_streams, warn
 
 # Runs that are killed: in the block, before the folder takes its place, and while files replace
 # those of an older run
@@ -81,29 +83,37 @@ def test_a_new_folder_has_the_permissions_of_any_other(tmp_path):
 # Messages
 
 
-SAYS = """
-import sys
-from qclearn.cli.output import fail, say, unfailing_streams
-with unfailing_streams():
-    say("M\\xf6bius " * 9999)
-    fail("written, but suspect", 3)
-"""
+def full_disk():
+    return open("/dev/full", "w")
 
 
-def said(**streams):
-    run = subprocess.run([sys.executable, "-c", SAYS], env=os.environ | {"PYTHONIOENCODING": "cp932"}, **streams)
-    return run.returncode, run.stdout
+def gone_reader():
+    reader, writer = os.pipe()
+    os.close(reader)
+    return open(writer, "w")
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no full disk")
-def test_the_exit_code_does_not_depend_on_who_listens(tmp_path):
-    code, text = said(stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
-    assert code == 3 and rb"M\xf6bius" in text
-    reader, writer = os.pipe()
-    os.close(reader)
-    with open("/dev/full", "w") as full, open(writer, "w") as gone:
-        for ends in ({"stdout": full}, {"stdout": gone}, {"stderr": full}, {"stdout": gone, "stderr": gone}):
-            assert said(**{"stderr": subprocess.DEVNULL} | ends)[0] == 3
+@pytest.mark.parametrize("end", [full_disk, gone_reader])
+def test_the_exit_code_does_not_depend_on_who_listens(monkeypatch, end):
+    with end() as out, end() as err:
+        monkeypatch.setattr(sys, "stdout", out)
+        monkeypatch.setattr(sys, "stderr", err)
+        with pytest.raises(SystemExit) as stop, unfailing_streams():
+            for number in tqdm(range(2), mininterval=0):
+                say(f"written {number}" * 9999)
+            fail("suspect", 3)
+        assert stop.value.code == 3
+        out.flush()  # as Python does at its end
+
+
+@pytest.mark.parametrize("encoding", ["cp932", "gbk", "cp1251", "ascii"])
+def test_letters_that_an_encoding_lacks_are_escaped(monkeypatch, encoding):
+    data = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(data, encoding))
+    with unfailing_streams():
+        say("M\xf6bius \u2212 \udcfc")
+    assert data.getvalue().startswith(rb"M\xf6bius")
 
 
 def test_streams_that_are_not_there_are_none(monkeypatch):

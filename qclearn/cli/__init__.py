@@ -33,7 +33,8 @@ def main(arguments=None):
         fail(f"there is not enough memory for this; {advice}")
     # Our own errors are ValueErrors; a package of an extra may be missing.
     except (ValueError, OSError, ImportError) as error:
-        fail(str(error))
+        of_system = isinstance(error, OSError) and error.filename
+        fail(f"{of_system}: {error.strerror}; give another place" if of_system else str(error))
 
 
 @click.group(no_args_is_help=False, context_settings={"show_default": True})

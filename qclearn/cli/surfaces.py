@@ -160,7 +160,7 @@ def synth(seed, vertices, hemisphere, cohort, generation, workers, out):
         folder = Path(out) if out else default_folder()
         sizes = cohort, vertices, folder
         subjects = data_synth.cohort(*sizes, workers=workers, generation=generation)
-        click.echo(f"{len(subjects)} subjects in {folder}")
+        print(f"{len(subjects)} subjects in {folder}")
         return
     if out is None:
         raise click.UsageError("synth needs --out FILE.npz")
@@ -172,7 +172,7 @@ def synth(seed, vertices, hemisphere, cohort, generation, workers, out):
     agreed(hemisphere, side_of_name(out), out)
     made = grow_with_bar(data_synth.make_cortex, seed, vertices, hemisphere, generation=generation)
     data_synth.save_cortex(out, made)
-    click.echo(f"{out}: seed {seed}, {hemisphere}, generation {generation}")
+    print(f"{out}: seed {seed}, {hemisphere}, generation {generation}")
 
 
 def grow_with_bar(make_cortex, *arguments, **options):

@@ -9,6 +9,16 @@ from .safe import npz_arrays, npz_bytes, write_whole
 SETTINGS = "settings.json"
 
 
+def cache_folder(name):
+    """A folder of this name in the user's cache; OSError where no home folder is known."""
+    from platformdirs import user_cache_path  # of the extras that need it
+
+    folder = user_cache_path("qclearn") / name
+    if not folder.is_absolute():
+        raise OSError(f"{folder}: no home folder is known; set HOME, or give another folder")
+    return folder
+
+
 class Checkpoint:
     """A folder with a run's settings and a file for each finished part; path None stores nothing.
 

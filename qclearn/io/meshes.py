@@ -222,7 +222,7 @@ def _volume_of(footer):
 
     Its path may have any letters, = among them.
     """
-    head = re.match(rb"(\0{3}\2\0{4})?\0{3}\x14", footer)
+    head = re.match(b"(\0\0\0\2\0\0\0\0)?\0\0\0\x14", footer)
     if head is None:
         return None
     rows = footer[head.end() :].split(b"\n")[: len(_VOLUME_KEYS)]

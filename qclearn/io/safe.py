@@ -4,7 +4,6 @@ Bytes have to bear out what a file announces, so its size bounds a reader's memo
 killed or failed run began never stands under the name that was asked for.
 """
 
-import codecs
 import errno
 import gzip
 import io
@@ -277,12 +276,6 @@ def text_of(data):
         return data.decode()
     except UnicodeDecodeError:
         return data.decode("latin-1")
-
-
-def decoded(data):
-    """The text of a file's bytes: UTF-8, or UTF-16 with a byte order mark, as Windows writes it."""
-    is_wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-    return data.decode("utf-16" if is_wide else "utf-8-sig")
 
 
 def sound_text(text):

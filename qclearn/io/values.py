@@ -14,7 +14,7 @@ from ..surfaces.surface import Surface, SurfaceError
 from . import annotations, gifti
 from .frames import agreed_side, side_of_name
 from .meshes import is_freesurfer_name, suffix_of
-from .safe import FormatError, decoded, explain, npy_array, read_bytes, require_all, write_whole
+from .safe import FormatError, explain, npy_array, read_bytes, require_all, write_whole
 
 _MORPHOMETRY = b"\xff\xff\xff"
 _MAP_SUFFIXES = (
@@ -274,7 +274,7 @@ def _read_mgh(_, data):
 
 
 def _read_txt(_, data):
-    text = decoded(data)
+    text = data.decode("utf-8-sig")  # Windows puts a byte order mark before it
     whole = re.fullmatch(r"[\s\d+-]*", text)  # NumPy would also cut 0.5 to 0
     return np.loadtxt(text.splitlines(), ndmin=1, dtype=np.int64 if whole else np.float64)
 

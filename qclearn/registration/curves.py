@@ -18,7 +18,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
 from ..io.frames import TKR
-from ..io.safe import decoded, is_plain_name, read_bytes
+from ..io.safe import is_plain_name, read_bytes
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import Surface, SurfaceError, mirror
 from .problem import LandmarkError
@@ -450,7 +450,7 @@ def _rows(path):
     """(place in the file, dict column -> cell) of each row of a table that is not blank."""
     data = read_bytes(Path(path))
     try:
-        lines = io.StringIO(decoded(data), newline=None)  # they end in CR, LF or both
+        lines = io.StringIO(data.decode("utf-8-sig"), newline=None)  # CR, LF or both
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise LandmarkError(
