@@ -141,7 +141,9 @@ def require_same(out, beside, cortex):
 @click.command()
 @click.option("--seed", type=int, help="Which individual  [default: 0]")
 @click.option("--vertices", type=int, default=10_000)
-@click.option("--hemisphere", type=click.Choice(["left", "right"]), help="[default: left]")
+@click.option(
+    "--hemisphere", type=click.Choice(["left", "right"]), help="[default: the name's, or left]"
+)
 @click.option("--cohort", type=int, help="Instead: the first so many subjects of the cohort.")
 @click.option("--generation", type=int, help="Of the generator  [default: other commands' one]")
 @click.option("--workers", type=int, default=2, help="Subjects of the cohort at the same time.")
@@ -168,8 +170,7 @@ def synth(seed, vertices, hemisphere, cohort, generation, workers, out):
         advice = "give such an --out"
         raise click.UsageError(f"{out}: synth writes a file whose name ends in .npz; {advice}")
     file_to_write(out)
-    seed, hemisphere = seed or 0, hemisphere or "left"
-    agreed(hemisphere, side_of_name(out), out)
+    seed, hemisphere = seed or 0, agreed(hemisphere, side_of_name(out), out) or "left"
     made = grow_with_bar(data_synth.make_cortex, seed, vertices, hemisphere, generation=generation)
     data_synth.save_cortex(out, made)
     print(f"{out}: seed {seed}, {hemisphere}, generation {generation}")

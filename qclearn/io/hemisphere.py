@@ -144,7 +144,7 @@ def require_side(path, side, other, owner):
     """SurfaceError where a file and the surface that it is for are of different hemispheres."""
     if side and other and side != other:
         advice = (
-            f"give the {other} one's, or correct a wrong name or (wb_command -set-structure) GIFTI"
+            f"give the {other} one's, or correct its name and metadata (wb_command -set-structure)"
         )
         message = f"is of the {side} hemisphere, {owner} of the {other} one"
         raise SurfaceError(f"{path}: {message}; {advice}")
