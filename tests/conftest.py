@@ -61,3 +61,11 @@ def one_thread():
     torch.set_num_threads(1)
     yield
     torch.set_num_threads(before)
+
+
+@pytest.fixture
+def plain_figure(monkeypatch):
+    """Commands write an empty figure: drawing it takes longer than the registration of a bowl."""
+    from matplotlib.figure import Figure
+
+    monkeypatch.setattr("qclearn.plot.registration_figure", lambda *_: Figure())

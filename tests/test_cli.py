@@ -87,7 +87,7 @@ def backwards():
 
 
 @pytest.fixture
-def folder(tmp_path):
+def folder(tmp_path, plain_figure):
     """A folder with two bowls that carry curves, one without, and a landmarks file."""
     write_surface(tmp_path / "moving.npz", bowl(0.6))
     write_surface(tmp_path / "control.npz", bowl(0.9))
@@ -548,10 +548,14 @@ def test_the_progress_bar_is_gone_before_the_message(folder, capsys, monkeypatch
     assert re.search(r"\rqclearn: no\n$", capsys.readouterr().err)
 
 
+@pytest.fixture(scope="module")
+def result():
+    return register(bowl(0.6), bowl(0.9), CURVES, gamma=1e3, features=None)
+
+
 @pytest.fixture
-def registered(folder):
+def registered(folder, result):
     """The folder of a finished registration of the two bowls, and a map on each of them."""
-    result = register(bowl(0.6), bowl(0.9), CURVES, gamma=1e3, features=None)
     np.savez(
         folder / "registration.npz",
         disk_map=result.disk_map,

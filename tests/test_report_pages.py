@@ -154,6 +154,16 @@ def test_the_verdict_gives_all_reasons_in_full(runs, tmp_path):
     assert "mirror: &lt;b&gt;the curves&lt;/b&gt; fit better; give --mirror" in page and "ends far off" in page
 
 
+def test_a_run_that_stopped_before_the_fit_says_so(runs, tmp_path):
+    folder = copied(runs, "one", tmp_path)
+    report = json.loads((folder / "report.json").read_text())
+    report |= {"stopped": "the landmarks are wrong", "suspect": ["swapped: east and north"]}
+    (folder / "report.json").write_text(json.dumps(report))
+    write_pair(folder, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text()
+    assert "Stopped before the fit" in page and "<p>the landmarks are wrong</p>" in page
+
+
 def test_the_page_forbids_itself_the_network(runs):
     assert "default-src 'none'; img-src data:" in (runs / "one" / "report.html").read_text()
 
