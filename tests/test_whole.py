@@ -184,6 +184,87 @@ def test_a_cut_gifti_knows_its_whole_surface_too(made, cut, tmp_path):
     assert ours.frame.kind == theirs.frame.kind == "Pial" and len(theirs.frame.whole) == len(BALL.faces)
 
 
+@pytest.fixture(scope="module")
+def spoilt(made, cut, tmp_path_factory):
+    """The cut pair in metres; rh with three vertices in no face before it, lh with a doubled seam behind it."""
+    folder = tmp_path_factory.mktemp("spoilt")
+    moving, control = (qc.read_surface(cut / f"{side}.open.npz") for side in ("rh", "lh"))
+    np.savez(
+        folder / "rh.npz", vertices=np.vstack([np.full((3, 3), 70), moving.vertices]) / 1e3, faces=moving.faces + 3
+    )
+    side = control.vertices[control.faces].mean(axis=1)[:, 0] > 0
+    seam = np.intersect1d(control.faces[side], control.faces[~side])
+    new = np.arange(len(control.vertices))
+    new[seam] = len(new) + np.arange(len(seam))
+    faces = np.where(side[:, None], new[control.faces], control.faces)
+    np.savez(folder / "lh.npz", vertices=np.vstack([control.vertices, control.vertices[seam]]) / 1e3, faces=faces)
+    landmarks = json.loads((cut / "landmarks.json").read_text())
+    for curve in landmarks["curves"]:
+        curve["moving"] = [vertex + 3 for vertex in curve["moving"]]
+    (folder / "landmarks.json").write_text(json.dumps(landmarks))
+    return folder
+
+
+def test_metres_unused_vertices_and_seams_are_read_as_the_pair_that_they_are(cut, spoilt, tmp_path, capsys):
+    pair = spoilt / "rh.npz", spoilt / "lh.npz"
+    words = "--mirror", "--landmarks", spoilt / "landmarks.json", "--no-features", "--out", tmp_path / "out"
+    assert re.search(
+        r"lh.npz: points doubled along a seam.*--merge", refused(capsys, tmp_path, "register", *pair, *words)
+    )
+    run("register", *pair, *words, "--merge", "--units", "m")
+    options = "--mirror", "--landmarks", cut / "landmarks.json", "--no-features", "--out", tmp_path / "as-is"
+    run("register", cut / "rh.open.npz", cut / "lh.open.npz", *options)
+    ours, theirs = (read_registration(tmp_path / name / "registration.npz") for name in ("out", "as-is"))
+    np.testing.assert_allclose(ours["points"], theirs["points"], atol=1e-6)
+    np.testing.assert_array_equal(ours["table_moving"], 3 + np.arange(len(theirs["points"])))
+    np.testing.assert_array_equal(ours["table_control"], np.arange(len(theirs["disk_control"])))
+    both = [json.loads((tmp_path / name / "report.json").read_text()) for name in ("out", "as-is")]
+    assert both[0]["suspect"] == both[1]["suspect"] == [] and both[0]["units"] is None
+    assert both[0]["landmark_error_mm"] == pytest.approx(both[1]["landmark_error_mm"])
+    np.save(tmp_path / "values.npy", np.arange(len(ours["points"]) + 3.0))
+    words = tmp_path / "values.npy", "--to", "control", "--out", tmp_path / "there.npy"
+    run("transfer", tmp_path / "out" / "registration.npz", *words)
+    assert len(np.load(tmp_path / "there.npy")) == len(np.load(spoilt / "lh.npz")["vertices"])
+
+
+def test_open_merges_and_scales(made, cut, tmp_path):
+    whole = qc.read_surface(made / "rh.pial")
+    soup = 1e3 * whole.vertices[whole.faces].reshape(-1, 3)
+    np.savez(tmp_path / "rh.soup.npz", vertices=soup, faces=np.arange(len(soup)).reshape(-1, 3))
+    cortex = ~qc.read_mask(made / "rh.cortex.label", whole, keep=True)
+    np.savetxt(tmp_path / "rh.cortex.txt", cortex[whole.faces].ravel(), fmt="%d")
+    words = "--mask", tmp_path / "rh.cortex.txt", "--keep", "--merge", "--units", "um", "--out", tmp_path / "x.npz"
+    run("open", tmp_path / "rh.soup.npz", *words)
+    found, expected = qc.read_surface(tmp_path / "x.npz"), qc.read_surface(cut / "rh.open.npz")
+    np.testing.assert_allclose(found.vertices, soup[found.original_vertices] / 1e3)
+    assert len(found.faces) == len(expected.faces) and found.area == pytest.approx(expected.area)
+
+
+@pytest.mark.parametrize("scale, unit", [(1e-3, "m"), (1e3, "um"), (0.02, None)])
+def test_sizes_of_no_hemisphere_are_suspect_or_relative(cut, scale, unit):
+    """Lengths in mm, and so what is suspect besides, do not depend on the unit."""
+    moving, control = (qc.read_surface(cut / f"{side}.open.npz") for side in ("rh", "lh"))
+    other = qc.Surface(scale * control.vertices, control.faces)
+    landmarks = json.loads((cut / "landmarks.json").read_text())
+    usual, found = (qc.register(qc.mirror(moving), one, landmarks, features=None).report for one in (control, other))
+    units = [reason for reason in found["suspect"] if reason.startswith("units: the control surface")]
+    assert [f"--units {unit}" in reason for reason in units] == ([True] if unit else [])
+    mm = scale if unit else scale * np.ptp(control.vertices, axis=0).max() / 165
+    assert found["landmark_error_mm"] == pytest.approx(usual["landmark_error_mm"] * scale / mm, rel=1e-3)
+    assert (found["units"] is None) == bool(unit) and usual["units"] is None
+
+
+def test_only_the_cortex_is_checked_where_a_label_names_it(made, tmp_path):
+    vertices, faces = nibabel.freesurfer.read_geometry(made / "lh.pial")
+    cortex = ~qc.read_mask(made / "lh.cortex.label", qc.read_surface(made / "lh.pial"), keep=True)
+    vertices[~cortex] = np.nan
+    nibabel.freesurfer.write_geometry(tmp_path / "lh.pial", vertices, faces)
+    ours, theirs = (read_hemisphere(folder / "lh.pial", made / "lh.cortex.label") for folder in (tmp_path, made))
+    np.testing.assert_array_equal(ours.disk.faces, theirs.disk.faces)
+    np.testing.assert_array_equal(ours.disk.original_vertices, theirs.disk.original_vertices)
+    assert ours.numbering.count == 642 and ours.is_whole
+
+
 def in_pieces(folder):
     """Two caps, without the ring between them."""
     label(folder / "lh.bad.label", np.flatnonzero(abs(qc.read_surface(folder / "lh.pial").vertices[:, 0]) > 10))
