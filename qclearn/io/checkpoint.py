@@ -9,11 +9,8 @@ from .safe import npz_arrays, npz_bytes, write_whole
 SETTINGS = "settings.json"
 
 
-def cache_folder(name):
-    """A folder of this name in the user's cache; OSError where no home folder is known."""
-    from platformdirs import user_cache_path  # of the extras that need it
-
-    folder = user_cache_path("qclearn") / name
+def require_home(folder):
+    """A folder in the user's cache; OSError where platformdirs knows no home folder for its ~."""
     if not folder.is_absolute():
         raise OSError(f"{folder}: no home folder is known; set HOME, or give another folder")
     return folder

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from qclearn.io.checkpoint import Checkpoint, cache_folder
+from qclearn.io.checkpoint import Checkpoint, require_home
 
 
 class RunError(ValueError):
@@ -50,10 +50,8 @@ def test_files_of_others_are_refused_unless_the_folder_is_shared(tmp_path):
     assert (tmp_path / "config.json").is_file()
 
 
-def test_the_cache_lies_in_a_home_folder_that_is_known(monkeypatch):
+def test_the_cache_lies_in_a_home_folder_that_is_known(tmp_path):
     """platformdirs leaves ~ where there is no HOME and the user has no name, as in containers."""
-    monkeypatch.setattr("platformdirs.user_cache_path", lambda name: Path("/home/ada/.cache") / name)
-    assert cache_folder("cohort") == Path("/home/ada/.cache/qclearn/cohort")
-    monkeypatch.setattr("platformdirs.user_cache_path", lambda name: Path("~/.cache") / name)
+    assert require_home(tmp_path / "cohort") == tmp_path / "cohort"
     with pytest.raises(OSError, match="~/.cache/qclearn/cohort: no home folder is known; set HOME"):
-        cache_folder("cohort")
+        require_home(Path("~/.cache/qclearn/cohort"))
