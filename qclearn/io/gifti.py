@@ -316,10 +316,8 @@ def values_bytes(columns, side=None, labels=None, names=None):
         whole = "NIFTI_INTENT_LABEL"
         table.labels = [_label(key, *entry) for key, entry in sorted(entries.items())]
     named = [{"Name": name} for name in names] if names else [{}] * len(columns)
-    arrays = [
-        _array(column, "NIFTI_INTENT_SHAPE" if column.dtype.kind == "f" else whole, own)
-        for column, own in zip(columns, named)
-    ]
+    intents = {"f": "NIFTI_INTENT_SHAPE", "i": whole}
+    arrays = [_array(one, intents[one.dtype.kind], own) for one, own in zip(columns, named)]
     return _bytes_of(GiftiImage(meta=meta, labeltable=table, darrays=arrays))
 
 
