@@ -21,6 +21,7 @@ from test_cli import everything, refused, run
 BALL = sphere()
 WALL = BALL.vertices[:, 2] < -0.8
 NAMES = ["unknown", "front", "back"]
+SIDES = {"moving": "rh", "control": "lh"}
 
 
 def label(path, vertices):
@@ -206,25 +207,30 @@ def spoilt(made, cut, tmp_path_factory):
 
 
 def test_metres_unused_vertices_and_seams_are_read_as_the_pair_that_they_are(cut, spoilt, tmp_path, capsys):
-    pair = spoilt / "rh.npz", spoilt / "lh.npz"
-    words = "--mirror", "--landmarks", spoilt / "landmarks.json", "--no-features", "--out", tmp_path / "out"
-    assert re.search(
-        r"lh.npz: points doubled along a seam.*--merge", refused(capsys, tmp_path, "register", *pair, *words)
-    )
-    run("register", *pair, *words, "--merge", "--units", "m")
-    options = "--mirror", "--landmarks", cut / "landmarks.json", "--no-features", "--out", tmp_path / "as-is"
-    run("register", cut / "rh.open.npz", cut / "lh.open.npz", *options)
-    ours, theirs = (read_registration(tmp_path / name / "registration.npz") for name in ("out", "as-is"))
-    np.testing.assert_allclose(ours["points"], theirs["points"], atol=1e-6)
-    np.testing.assert_array_equal(ours["table_moving"], 3 + np.arange(len(theirs["points"])))
-    np.testing.assert_array_equal(ours["table_control"], np.arange(len(theirs["disk_control"])))
-    both = [json.loads((tmp_path / name / "report.json").read_text()) for name in ("out", "as-is")]
-    assert both[0]["suspect"] == both[1]["suspect"] == [] and both[0]["units"] is None
-    assert both[0]["landmark_error_mm"] == pytest.approx(both[1]["landmark_error_mm"])
-    np.save(tmp_path / "values.npy", np.arange(len(ours["points"]) + 3.0))
-    words = tmp_path / "values.npy", "--to", "control", "--out", tmp_path / "there.npy"
-    run("transfer", tmp_path / "out" / "registration.npz", *words)
-    assert len(np.load(tmp_path / "there.npy")) == len(np.load(spoilt / "lh.npz")["vertices"])
+    """Landmarks and maps have the numbers of the files."""
+    register = "register", spoilt / "rh.npz", spoilt / "lh.npz", "--out", tmp_path / "out"
+    assert re.search(r"lh.npz: points doubled along a seam.*--merge", refused(capsys, tmp_path, *register))
+    words = "--merge", "--units", "m", "--mirror", "--hold-out", "none", "--landmarks", spoilt / "landmarks.json"
+    assert "no curve is called 'none'" in refused(capsys, tmp_path, *register, *words)
+    given = {name: read_hemisphere(spoilt / f"{side}.npz", None, "m", True) for name, side in SIDES.items()}
+    own = {name: read_hemisphere(cut / f"{side}.open.npz") for name, side in SIDES.items()}
+    for name, first in (("moving", 3), ("control", 0)):
+        one, count = given[name], len(own[name].disk.vertices)
+        np.testing.assert_allclose(one.disk.vertices, own[name].disk.vertices, rtol=1e-12)
+        np.testing.assert_array_equal(one.disk.faces, own[name].disk.faces)
+        np.testing.assert_array_equal(one.disk.original_vertices, first + np.arange(count))
+        values = np.arange(len(one.given.vertices))
+        np.testing.assert_array_equal(one.numbering.on_disk(values, "values"), first + np.arange(count))
+    ours, theirs = (json.loads((folder / "landmarks.json").read_text())["curves"] for folder in (spoilt, cut))
+    for one, other in zip(on_disks({"curves": ours}, given)["curves"], theirs, strict=True):
+        assert {name: one[name] for name in SIDES} == {name: other[name] for name in SIDES}
+
+
+def test_units_that_are_none_are_refused_and_those_of_another_surface_do_not_matter(made):
+    with pytest.raises(qc.SurfaceError, match="units = 'cm': give one of mm, m, um"):
+        qc.read_surface(made / "rh.pial", units="cm")
+    usual, told = (qc.read_surface(made / "rh.pial", units=units) for units in ("mm", "m"))
+    np.testing.assert_array_equal(usual.vertices, told.vertices)
 
 
 def test_open_merges_and_scales(made, cut, tmp_path):
@@ -240,13 +246,20 @@ def test_open_merges_and_scales(made, cut, tmp_path):
     assert len(found.faces) == len(expected.faces) and found.area == pytest.approx(expected.area)
 
 
-@pytest.mark.parametrize("scale, unit", [(1e-3, "m"), (1e3, "um"), (0.02, None)])
-def test_sizes_of_no_hemisphere_are_suspect_or_relative(cut, scale, unit):
-    """Lengths in mm, and so what is suspect besides, do not depend on the unit."""
-    moving, control = (qc.read_surface(cut / f"{side}.open.npz") for side in ("rh", "lh"))
-    other = qc.Surface(scale * control.vertices, control.faces)
+@pytest.fixture(scope="module")
+def in_mm(cut):
+    """The cut pair, its landmarks and the report of their registration."""
+    pair = qc.mirror(qc.read_surface(cut / "rh.open.npz")), qc.read_surface(cut / "lh.open.npz")
     landmarks = json.loads((cut / "landmarks.json").read_text())
-    usual, found = (qc.register(qc.mirror(moving), one, landmarks, features=None).report for one in (control, other))
+    return *pair, landmarks, qc.register(*pair, landmarks, features=None).report
+
+
+@pytest.mark.parametrize("scale, unit", [(1e-3, "m"), (0.02, None)])
+def test_sizes_of_no_hemisphere_are_suspect_or_relative(in_mm, scale, unit):
+    """Lengths in mm, and so what is suspect besides, do not depend on the unit."""
+    moving, control, landmarks, usual = in_mm
+    other = qc.Surface(scale * control.vertices, control.faces)
+    found = qc.register(moving, other, landmarks, features=None).report
     units = [reason for reason in found["suspect"] if reason.startswith("units: the control surface")]
     assert [f"--units {unit}" in reason for reason in units] == ([True] if unit else [])
     mm = scale if unit else scale * np.ptp(control.vertices, axis=0).max() / 165

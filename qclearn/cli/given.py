@@ -17,7 +17,7 @@ units_option = click.option(
     "--units",
     type=click.Choice(list(UNITS)),
     default="mm",
-    help="Of surfaces that are not as long as a hemisphere in another one.",
+    help="Of the files; a surface as long as a hemisphere in another unit stays as it is.",
 )
 merge_option = click.option(
     "--merge", is_flag=True, help="Merge points doubled along a seam; copies count as cut away."

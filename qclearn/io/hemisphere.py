@@ -147,11 +147,11 @@ def cut_out(path, mesh, cortex):
     disk, table = opened(path, mesh, wall)
     sides = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     _, piece = components(len(wall), sides[~wall[sides].any(axis=1)])
-    left = np.setdiff1d(mesh.faces, np.flatnonzero(wall))
-    apart = len(left) - np.bincount(piece[left]).max()
+    left = ~wall & (np.bincount(mesh.faces.ravel(), minlength=len(wall)) > 0)
+    apart = left.sum() - np.bincount(piece[left]).max()
     filled = wall[table].sum()
     if apart > LOOSE * len(table):
-        message = f"is in pieces: {apart} of its {len(left)} vertices lie apart"
+        message = f"is in pieces: {apart} of its {left.sum()} vertices lie apart"
         raise SurfaceError(f"{cortex}: {message}; repair the label")
     if filled > LOOSE * len(table):
         raise SurfaceError(

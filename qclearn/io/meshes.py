@@ -66,8 +66,9 @@ def surface_of(path, mesh):
 
 
 def read_mesh(path, units="mm", merge=False):
-    """The `Mesh` mesh of a file as `read_surface` takes it; SurfaceError where it cannot be
-    read, or is none."""
+    """The `Mesh` of a file as `read_surface` takes it; SurfaceError where there is none."""
+    if units not in UNITS:
+        raise SurfaceError(f"units = {units!r}: give one of {', '.join(UNITS)}")
     path = Path(path)
     foreign.refuse_foreign(path)
     data = safe.read_bytes(path)

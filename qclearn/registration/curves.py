@@ -524,7 +524,7 @@ def nearest_vertices(surface, points, space, known):
     distance /= mm
     worst = distance.argmax()
     if distance[worst] > NEAR:
-        hint = "check the coordinates"
+        hint = "check the coordinates and their unit"
         near = [
             one for one, place in known.items() if tree.query(place(points))[0].max() <= NEAR * mm
         ]

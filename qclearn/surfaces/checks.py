@@ -1,9 +1,9 @@
 """Checks of a surface: each SurfaceError names the indices of what is wrong, and the remedy."""
 
 import numpy as np
+import scipy
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from ..plane.checks import SurfaceError
 
@@ -220,7 +220,7 @@ def doubled(vertices, boundary):
         return boundary
     ends, corners = np.unique(boundary, return_inverse=True)
     near = ONE_PLACE * np.ptp(vertices[ends], axis=0).max()
-    pairs = cKDTree(vertices[ends]).query_pairs(near, output_type="ndarray")
+    pairs = scipy.spatial.cKDTree(vertices[ends]).query_pairs(near, output_type="ndarray")
     tails, heads = components(len(ends), pairs)[1][corners.reshape(-1, 2)].T
     keys = tails * len(ends) + heads, heads * len(ends) + tails
     _, one, other = np.intersect1d(*keys, return_indices=True)
