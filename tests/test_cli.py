@@ -4,6 +4,7 @@ nothing written."""
 import json
 import re
 import sys
+from contextlib import suppress
 from functools import partial
 from types import SimpleNamespace
 
@@ -354,7 +355,8 @@ def test_the_network_method_and_its_tolerance_reach_the_pipeline(folder, monkeyp
         ("inf", "the networks' map ended above the best Möbius map"),
         ("5e-3", "landmark error .* above 5.0e-03: .* Gauss-Newton steps"),
     ):
-        run(*to_register(folder), "--method", "network", "--tolerance", tolerance)
+        with suppress(SystemExit):  # 3: an error that stays is suspect
+            run(*to_register(folder), "--method", "network", "--tolerance", tolerance)
         assert json.loads((folder / "out" / "report.json").read_text())["method"] == "network"
         assert re.search(f"fallbacks +{words}", capsys.readouterr().out)
 

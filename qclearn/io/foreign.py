@@ -38,7 +38,7 @@ def freesurfer_kind(data):
         return SURFACE
     if data.startswith(b"\xff\xff\xff\xff"):
         return _PATCH
-    if data.startswith(b"\xff\xff\xff") and data[11:14] in (b"\0\0\0", b""):  # values a vertex
+    if data.startswith(b"\xff\xff\xff") and data[11:15] in (b"\0\0\0\1", b""):  # values a vertex
         return MAP
     return _QUADS if data.startswith((b"\xff\xff\xff", b"\xff\xff\xfd")) else None
 
