@@ -108,7 +108,7 @@ def from_labels(labels, sides, mirror, lines):
     lines: list of messages to the user, which grows.
     """
     paths = [
-        [label_path(name, file, sides[side]) for side, file in zip(SIDES, files)]
+        [label_path(name, file, sides[side], lines) for side, file in zip(SIDES, files)]
         for name, *files in labels
     ]
     moving, control = (one.disk for one in sides.values())
@@ -125,27 +125,32 @@ def from_labels(labels, sides, mirror, lines):
     return curves
 
 
-def label_path(name, file, one):
+def label_path(name, file, one, lines):
     """The path of a label's vertices on a `Hemisphere`'s disk; LandmarkError names the label."""
     require_side(file, side_of_name(file), one.frame.side, one.path)
     try:
-        return ordered(one.disk, own_numbers(one.disk, read_label(file)))
+        numbers = read_label(file)
+        own = own_numbers(one, numbers)
+        if lost := len(np.unique(numbers)) - len(np.unique(own)):
+            lines.append(f"{name}: {lost} of the {len(numbers)} vertices of {file} are cut away")
+        return ordered(one.disk, own)
     except qc.LandmarkError as error:
         raise qc.LandmarkError(f"{file} ({name}): {error}") from None
 
 
-def own_numbers(surface, numbers):
-    """Vertices of a surface by their numbers (n,) in the whole one; those cut away drop out."""
-    whole = surface.original_vertices
-    if whole is not None:
-        return np.flatnonzero(np.isin(whole, numbers))
-    bad = numbers[(numbers < 0) | (numbers >= len(surface.vertices))]
+def own_numbers(one, numbers):
+    """Vertices of a `Hemisphere`'s disk by their numbers (n,) in the whole surface; those cut away
+    drop out."""
+    table = one.numbering.table
+    count = one.numbering.count or (one.numbering.size if table is None else np.inf)
+    bad = numbers[(numbers < 0) | (numbers >= count)]
     if len(bad):
         raise qc.LandmarkError(
-            f"names vertex {bad[0]}, and the surface has {len(surface.vertices)}: if it was cut "
-            "open, give the npz that `qclearn open` writes, or the whole surface and --cortex"
+            f"names vertex {bad[0]}, and the surface has {count}: if it was cut open, give the npz "
+            "that `qclearn open` writes, or the whole surface and --cortex; else the label belongs "
+            "to another surface"
         )
-    return numbers
+    return numbers if table is None else np.flatnonzero(np.isin(table, numbers))
 
 
 def from_points(file, sides, space, lines):

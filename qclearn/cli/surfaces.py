@@ -11,6 +11,7 @@ from tqdm import tqdm
 
 import qclearn as qc
 
+from ..io.annotations import nothing_key
 from ..io.hemisphere import frame_of_whole, require_side
 from ..io.meshes import frame_of
 from ..io.values import Map, read_map
@@ -84,7 +85,7 @@ def transfer(registration, values, to, nearest, hemisphere, wall, out):
     source = "control" if to == "moving" else "moving"
     given = read_map(values)
     require_side(values, given.side, sides[source], f"the {source} surface")
-    if given.values.dtype.kind in "biu" and not nearest:
+    if given.is_whole and not nearest:
         raise ValueError(
             f"{values}: holds whole numbers, which interpolation would blend into others; add "
             "--nearest to carry them as labels, or save them with a decimal point (as floats) to "
@@ -92,16 +93,19 @@ def transfer(registration, values, to, nearest, hemisphere, wall, out):
         )
     here = numberings[source].on_disk(given.values, values)
     carried = transfer_map(here, z[source], arrays[f"faces_{source}"], z[to], nearest)
-    carried = Map(carried, hemisphere or sides[to], given.labels if nearest else None, given.names)
+    labels = given.labels if nearest else None
+    carried = Map(carried, hemisphere or sides[to], labels, given.names, given.whole)
     count = write_carried(out, carried, numberings[to], wall)
     on_cortex = f", {len(z[to])} on its cortex" if count > len(z[to]) else ""
     say(f"{out}: {count} values on the {to} surface{on_cortex}")
+    if given.may_be_labels and not nearest:
+        say(f"{values}: whole numbers, carried as numbers; give --nearest if these are labels")
 
 
 def write_carried(out, carried, numbering, wall):
     """Write a `Map` of a disk, for the whole surface if that is known; the number of values."""
     beside = Path(out).with_name("cortex.shape.gii")
-    if wall == "nan" and carried.values.dtype.kind in "biu":
+    if wall == "nan" and carried.is_whole:
         raise ValueError("--wall nan: labels are whole numbers; leave it out")
     if wall == "nan" and not numbering.known:
         raise ValueError(
@@ -112,7 +116,9 @@ def write_carried(out, carried, numbering, wall):
         return numbering.size
     cortex = numbering.on_whole(np.ones(numbering.size, dtype=np.float32), 0)
     require_same(out, beside, cortex)
-    fill = np.nan if wall == "nan" else -1 if -1 in (carried.labels or {}) else 0
+    labels = carried.labels or {}
+    fill = np.nan if wall == "nan" else nothing_key(labels) if labels else 0
+    fill = np.where(carried.whole, fill, 0) if carried.whole else fill
     qc.write_values(out, numbering.on_whole(carried.values, fill), *carried[1:])
     qc.write_values(beside, cortex, carried.side, names=["cortex"])
     return numbering.count

@@ -47,6 +47,16 @@ class Numbering:
             whole = f", {self.count} before it was cut open"
         message = f"{len(values)} values for {self.size} vertices of the surface they come from"
         advice = "give the file that belongs to this surface"
+        count = self.count or self.size
+        if values.ndim == 2 and values.shape[1] in (self.size, count):
+            advice = "its rows seem to be maps: transpose it"
+        elif len(values) == 2 * count:
+            advice = "it seems to be of both hemispheres: give this one's half"
+        elif count / 2 < len(values) < count:
+            advice += (
+                " (values of the cortex without its wall: put them at its vertices in a whole "
+            )
+            advice += "map, whole[cortex] = values; those of CIFTI: wb_command -cifti-separate)"
         raise SurfaceError(f"{name}: {message}{whole}; {advice}")
 
     def on_whole(self, values, wall):

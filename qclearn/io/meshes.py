@@ -13,11 +13,9 @@ from jaxtyping import Integer
 from numpy import ndarray
 
 from ..surfaces.surface import Surface, SurfaceError
-from . import gifti, meshformats, safe
+from . import foreign, gifti, meshformats, safe
 from .frames import TKR, Frame, frame_of_text, kind_of_name, side_of_name, sound_volume
 
-_FREESURFER_TRIANGLES = b"\xff\xff\xfe"
-_FREESURFER_QUADS = (b"\xff\xff\xff", b"\xff\xff\xfd")
 _FREESURFER_SUFFIXES = (
     "", ".pial", ".white", ".inflated", ".sphere", ".reg", ".orig", ".nofix", ".smoothwm",
     ".midthickness", ".graymid",
@@ -34,9 +32,9 @@ class SlitWarning(UserWarning):
 
 
 def read_surface(path: str | Path) -> Surface:
-    """Surface from a file: .npz (vertices, faces, curve_<name>), .gii (also gzipped), .ply, .obj,
-    .off, .stl, .vtk, .vtp, or FreeSurfer's binary triangles, known by their content under any other
-    name (lh.pial, rh.white).
+    """Surface from a file: .npz (vertices, faces, curve_<name>), .gii (also gzipped), .ply, .obj
+    (Wavefront's, or MNI's as CIVET writes it), .off, .stl, .vtk, .vtp, or FreeSurfer's binary
+    triangles, known by their content under any other name (lh.pial, rh.white).
 
     Coordinates come as stored, without volume geometry or coordinate system. Faces must be
     triangles; equal points of an STL are merged (SlitWarning where a slit stays). SurfaceError,
@@ -44,14 +42,19 @@ def read_surface(path: str | Path) -> Surface:
     its size.
     """
     path = Path(path)
+    foreign.refuse_foreign(path)
     data = safe.read_bytes(path)
     suffix = suffix_of(path)
     if suffix in _READERS:
         kind, reader = _READERS[suffix]
-    elif data.startswith((_FREESURFER_TRIANGLES, *_FREESURFER_QUADS)):
-        kind, reader = "FreeSurfer surface", _read_freesurfer
     else:
-        raise SurfaceError(f"{path}: {_unknown_format('nor is the content a FreeSurfer surface')}")
+        kind, reader = "FreeSurfer surface", _read_freesurfer
+        held = foreign.freesurfer_kind(data)
+        if held is None and suffix in (".annot", ".label", ".mgh", ".mgz", ".txt", ".npy"):
+            held = foreign.MAP
+        if held != foreign.SURFACE:
+            held = held or _unknown_format("nor is the content a FreeSurfer surface")
+            raise SurfaceError(f"{path}: {held}")
     with safe.explain(path, kind):
         arrays = reader(path, data)
     try:
@@ -75,7 +78,7 @@ def frame_of(path):
             return gifti.frame_of_image(path, gifti.parse(data))
         if suffix_of(path) == ".npz":
             return _frame_of_npz(data, named)
-        if data.startswith(_FREESURFER_TRIANGLES):
+        if foreign.freesurfer_kind(data) == foreign.SURFACE:
             _check_freesurfer(data)
             volume = nibabel.freesurfer.read_geometry(path, read_metadata=True)[2]
             volume = sound_volume(volume) if volume else None
@@ -154,7 +157,9 @@ def is_freesurfer_name(path, suffix):
 
 def suffix_of(path):
     suffixes = [suffix.lower() for suffix in path.suffixes]
-    return ".gii" if suffixes[-2:] == [".gii", ".gz"] else suffixes[-1] if suffixes else ""
+    if suffixes[-2:] in ([".gii", ".gz"], [".gii", ".dset"]):  # .dset: AFNI's
+        return ".gii"
+    return suffixes[-1] if suffixes else ""
 
 
 def _unknown_format(content):
@@ -188,9 +193,6 @@ def _write_npz(path, surface, original_vertices, frame):
 
 
 def _read_freesurfer(path, data):
-    if data.startswith(_FREESURFER_QUADS):
-        message = "holds quadrangles (FreeSurfer's old format)"
-        raise SurfaceError(f"{message}; convert it with mris_convert to triangles")
     _check_freesurfer(data)
     return nibabel.freesurfer.read_geometry(path)
 

@@ -175,9 +175,9 @@ MAPS = list(zip(folds(TWIST(MOVING.z)), folds(CONTROL.z)))
 
 @pytest.fixture(scope="module")
 def spoilt():
-    """Fits of one problem from five Möbius starts: the true one, and worse and worse ones."""
+    """Fits of one problem from three Möbius starts: the true one, one turned, and one far off."""
     sides, found = sides_of(tall(MOVING), tall(CONTROL), MAPS), []
-    for start in [(0j, 0.0), (0j, 0.5), (0.3 + 0j, 0.0), (0.3j, -0.5), (-0.3 + 0.2j, np.pi)]:
+    for start in [(0j, 0.0), (0.3j, -0.5), (-0.3 + 0.2j, np.pi)]:
         disk = MOVING.at(mobius(MOVING.z, *start))
         laid = replace(sides, moving=replace(sides.moving, disk=disk))
         found.append(fit_registration(problem_of(laid), WEIGHTS, sides.features))
