@@ -144,6 +144,40 @@ def test_points_find_their_vertices_in_either_space(folder, space, shift, capsys
     assert "moving: points 0.9 mm from the nearest vertices, at most 0.9" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("scale, message", [
+    (1e-3, r"units: the moving surface is 0.06 long.*--units m"), (1 / 30, r"is \d+\.\d mm from the surface; check"),
+    (30.0, "in m all are near it|is .* mm from the surface; check the coordinates"),
+])  # fmt: skip
+def test_points_in_mm_and_surfaces_in_other_units_are_one_line(folder, scale, message, capsys):
+    write_points(folder)
+    for name, height in (("m.npz", 0.6), ("c.npz", 0.9)):
+        one = bowl(height)
+        write_surface(folder / name, Surface(30 * scale * one.vertices, one.faces))
+    words = (
+        "landmarks",
+        folder / "m.npz",
+        folder / "c.npz",
+        "--points",
+        folder / "points.csv",
+        "--out",
+        folder / "l.json",
+    )
+    assert re.search(message, refused(capsys, folder, *words))
+    if scale == 1e-3:
+        run(*words, "--units", "m")
+        assert "at most 0.0" in capsys.readouterr().out
+
+
+def test_points_in_metres_are_told(folder, capsys):
+    write_points(folder)
+    head, *lines = (folder / "points.csv").read_text().splitlines()
+    rows = [line.split(",") for line in lines]
+    text = "".join(",".join([*row[:3], *(f"{float(x) / 1e3:.17g}" for x in row[3:])]) + "\n" for row in rows)
+    (folder / "points.csv").write_text(head + "\n" + text)
+    words = folder / "lh.moving", folder / "lh.control", "--points", folder / "points.csv", "--out", folder / "l.json"
+    assert "in m all are near it: give them in mm" in refused(capsys, folder, "landmarks", *words)
+
+
 def test_two_points_are_ends_and_begin_comes_first(folder):
     ends = bowl(0.6).vertices[[1, 97]] * 30
     words = {"End": ends[1], "begin": ends[0]}

@@ -11,6 +11,17 @@ from ..io.meshes import frame_of
 from ..io.values import read_map, read_regions
 from ..registration.features import FOLDS, Feature, FeatureError
 from ..registration.problem import INDIVIDUAL
+from ..surfaces.units import UNITS
+
+units_option = click.option(
+    "--units",
+    type=click.Choice(list(UNITS)),
+    default="mm",
+    help="Of the files; a surface as long as a hemisphere in another unit stays as it is.",
+)
+merge_option = click.option(
+    "--merge", is_flag=True, help="Merge points doubled along a seam; copies count as cut away."
+)
 
 
 def given_weights(none):

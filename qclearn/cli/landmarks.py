@@ -22,6 +22,8 @@ from ..registration.curves import (
 )
 from ..registration.tracing import aligned_by_folds, carried, ends_apart, ordered, threaded
 from ..surfaces.checks import counted
+from ..surfaces.units import other_units
+from .given import merge_option, units_option
 from .output import say
 
 DOUBT = 0.6  # of the ends' distance when reversed: 0.02 to 0.42 on known curves of two people
@@ -32,6 +34,8 @@ DOUBT = 0.6  # of the ends' distance when reversed: 0.02 to 0.42 on known curves
 @click.argument("control")
 @click.option("--cortex", metavar="FILE", help="lh.cortex.label of a whole MOVING.")
 @click.option("--control-cortex", metavar="FILE", help="The same of a whole CONTROL.")
+@units_option
+@merge_option
 @click.option(
     "--label",
     "labels",
@@ -52,7 +56,9 @@ DOUBT = 0.6  # of the ends' distance when reversed: 0.02 to 0.42 on known curves
     "--mirror", is_flag=True, help="As for `register`: MOVING is of the other hemisphere."
 )
 @click.option("--out", required=True, help="The file to write, for `register --landmarks`.")
-def landmarks(moving, control, cortex, control_cortex, labels, points, space, carry, mirror, out):
+def landmarks(
+    moving, control, cortex, control_cortex, units, merge, labels, points, space, carry, mirror, out
+):
     """Write a landmarks file for MOVING and CONTROL from labels, points or a template.
 
     Both are given as to `register`, and the file has the vertex numbers of the surfaces as given.
@@ -63,8 +69,10 @@ def landmarks(moving, control, cortex, control_cortex, labels, points, space, ca
         raise click.UsageError("landmarks needs --label, --points or --carry")
     if space and not points:
         raise click.UsageError("--space belongs to --points")
-    hemispheres = read_hemisphere(moving, cortex), read_hemisphere(control, control_cortex)
-    sides = dict(zip(SIDES, hemispheres))
+    files = (moving, cortex), (control, control_cortex)
+    sides = dict(zip(SIDES, (read_hemisphere(*names, units, merge) for names in files)))
+    for reason in other_units(**{side: one.disk for side, one in sides.items()}):
+        raise qc.SurfaceError(reason)
     for one in sides.values():
         qc.require_disk(one.disk)
         qc.require_outward(one.disk)

@@ -12,11 +12,12 @@ from tqdm import tqdm
 import qclearn as qc
 
 from ..io.annotations import nothing_key
-from ..io.hemisphere import frame_of_whole, require_side
-from ..io.meshes import frame_of
+from ..io.hemisphere import frame_of_whole, opened, require_side
+from ..io.meshes import frame_of, read_mesh
 from ..io.values import Map, read_map
 from ..registration.transfer import frame_of_side, numbering_of_side, read_registration
 from ..registration.transfer import transfer as transfer_map
+from .given import merge_option, units_option
 from .output import say
 
 hemisphere_option = click.option(
@@ -32,23 +33,23 @@ hemisphere_option = click.option(
     "--keep", is_flag=True, help="The file names what stays (lh.cortex.label, thickness)."
 )
 @click.option("--reverse", is_flag=True, help="Reverse all faces first: the surface is inside out.")
+@units_option
+@merge_option
 @hemisphere_option
 @click.option("--out", required=True, help="File; npz and GIFTI store the original numbers, too.")
-def open_command(surface, mask, label, keep, reverse, hemisphere, out):
+def open_command(surface, mask, label, keep, reverse, units, merge, hemisphere, out):
     """Cut a closed hemisphere open at its medial wall, so that it becomes a disk."""
     if (mask is None) == (label is None):
         raise click.UsageError("open needs one of --mask FILE and --label FILE")
-    closed = qc.read_surface(surface)
-    if reverse:
-        closed = qc.Surface(closed.vertices, closed.faces[:, ::-1], closed.curves)
-    qc.require_outward(closed)
+    closed = read_mesh(surface, units, merge)
+    closed = closed._replace(faces=closed.faces[:, ::-1]) if reverse else closed
     frame = frame_of(surface)
     require_side(mask or label, frame_of(mask or label).side, hemisphere or frame.side, surface)
     mask = qc.read_mask(mask or label, closed, keep)
-    opened, original = qc.open_surface(closed, mask)
+    disk, original = opened(surface, closed, mask)
     frame = frame_of_whole(replace(frame, side=hemisphere or frame.side), closed)
-    qc.write_surface(out, opened, original_vertices=original, frame=frame)
-    count, rim = len(opened.vertices), len(opened.boundary)
+    qc.write_surface(out, disk, original_vertices=original, frame=frame)
+    count, rim = len(disk.vertices), len(disk.boundary)
     say(f"{out}: {count} of {len(closed.vertices)} vertices, boundary of {rim}")
     if filled := int(mask[original].sum()):
         holes = "holes away from the opening are filled"

@@ -12,7 +12,8 @@ import numpy as np
 from jaxtyping import Integer
 from numpy import ndarray
 
-from ..surfaces.surface import Surface, SurfaceError
+from ..surfaces.surface import Mesh, Surface, SurfaceError
+from ..surfaces.units import UNITS, size_of
 from . import foreign, gifti, meshformats, safe
 from .frames import TKR, Frame, frame_of_text, kind_of_name, side_of_name, sound_volume
 
@@ -31,16 +32,41 @@ class SlitWarning(UserWarning):
     """Merging the points of an STL file left a slit: neighbours that do not quite meet."""
 
 
-def read_surface(path: str | Path) -> Surface:
+def read_surface(path: str | Path, units: str = "mm", merge: bool = False) -> Surface:
     """Surface from a file: .npz (vertices, faces, curve_<name>), .gii (also gzipped), .ply, .obj
     (Wavefront's, or MNI's as CIVET writes it), .off, .stl, .vtk, .vtp, or FreeSurfer's binary
     triangles, known by their content under any other name (lh.pial, rh.white).
 
     Coordinates come as stored, without volume geometry or coordinate system. Faces must be
-    triangles; equal points of an STL are merged (SlitWarning where a slit stays). SurfaceError,
+    triangles; equal points of an STL are merged (SlitWarning where a slit stays). Vertices in no
+    face are dropped; `original_vertices` has the numbers of the others in the file. SurfaceError,
     with the file and the remedy, where it cannot be read, or announces or unpacks to far more than
     its size.
+
+    units: of the file, "mm", "m" or "um": the surface is scaled to mm, unless its length is that of
+    a hemisphere in another of these. merge: give points doubled along a seam the lowest of
+    their numbers.
     """
+    return surface_of(path, read_mesh(path, units, merge))
+
+
+def surface_of(path, mesh):
+    """The Surface of a file's mesh; a SurfaceError names the file."""
+    try:
+        surface = Surface(*mesh.used())
+    except SurfaceError as error:
+        raise SurfaceError(f"{path}: {error}") from None
+    except MemoryError:
+        raise safe.out_of_memory(path) from None
+    if suffix_of(Path(path)) == ".stl":
+        _warn_of_slits(path, surface)
+    return surface
+
+
+def read_mesh(path, units="mm", merge=False):
+    """The `Mesh` of a file as `read_surface` takes it; SurfaceError where there is none."""
+    if units not in UNITS:
+        raise SurfaceError(f"units = {units!r}: give one of {', '.join(UNITS)}")
     path = Path(path)
     foreign.refuse_foreign(path)
     data = safe.read_bytes(path)
@@ -58,14 +84,14 @@ def read_surface(path: str | Path) -> Surface:
     with safe.explain(path, kind):
         arrays = reader(path, data)
     try:
-        surface = Surface(*arrays)
+        mesh = Mesh.of(*arrays)
+        if units != "mm" and size_of(mesh)[1] in (units, None):
+            mesh = mesh._replace(vertices=UNITS[units] * mesh.vertices)
+        return mesh.merged() if merge else mesh
     except SurfaceError as error:
         raise SurfaceError(f"{path}: {error}") from None
     except MemoryError:
         raise safe.out_of_memory(path) from None
-    if suffix == ".stl":
-        _warn_of_slits(path, surface)
-    return surface
 
 
 def frame_of(path):
@@ -262,8 +288,8 @@ def _warn_of_slits(path, surface):
             vertex = loop[near | torn][0]
             warnings.warn(
                 f"{path}: merging equal points leaves a slit at vertex {vertex} "
-                f"({surface.vertices[vertex].tolist()}); check the file, or close it (pyvista's "
-                "clean, with tolerance)",
+                f"({surface.vertices[vertex].tolist()}); check the file, or close it where it was "
+                "made",
                 SlitWarning,
                 stacklevel=3,
             )

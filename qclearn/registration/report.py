@@ -9,6 +9,7 @@ import numpy as np
 from ..plane.mobius import mobius
 from ..surfaces.checks import degenerate_faces
 from ..surfaces.surface import SurfaceError
+from ..surfaces.units import size_of
 from .curves import POINTS_PER_CURVE, SIDES, curve_distance, curves_in_space, sample_curve
 from .diagnose import FEWEST, align_by_folds, disagreeing, reasons, worse
 from .metrics import (
@@ -163,6 +164,7 @@ def error_rows(pair, landmarks, f):
     q = there @ control.disk.z
     before = abs(mobius(here @ moving.disk.z, *landmarks.mobius) - q)
     off_mm = np.linalg.norm(control.lift(mapped) - there @ control.surface.vertices, axis=1)
+    off_mm /= size_of(control.surface)[2]
     rows = []
     by_curve = np.reshape([before, abs(mapped - q), off_mm], (3, len(pair.curves), -1)).mean(2)
     for curve, errors in zip(pair.curves, by_curve.T.tolist()):
@@ -200,7 +202,8 @@ def held_out_distances(pair, lines, *maps):
     samples = pair.moving.disk.sampling(np.concatenate(moving))
     targets = curves_in_space(pair.control, control)
     images = [curves_in_space(pair.control, np.split(samples @ f, stops)) for f in maps]
+    mm = size_of(pair.control.surface)[2]
     return {
-        name: [float(curve_distance(curve, target)) for curve in curves]
+        name: [float(curve_distance(curve, target) / mm) for curve in curves]
         for name, target, curves in zip(lines, targets, zip(*images))
     }

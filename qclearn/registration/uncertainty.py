@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg
 
+from ..surfaces.units import size_of
 from .diagnose import with_folds
 from .features import FINEST, FOLDS
 from .fit import limited
@@ -128,6 +129,7 @@ def uncertainty_of(pair, problem, weights, fit):
     density = control.features.density(FINEST, control.disk)
     scale = np.exp(control.disk.interpolate(density, places) / 2)
     scale *= np.sqrt(control.surface.area / control.disk.areas.sum())
+    scale /= size_of(control.surface)[2]
 
     # The local mismatch of the features.
     here, there = folded.features.at(FINEST)
