@@ -10,6 +10,7 @@ REPORT = {
     "flipped",
     "bijective",
     "stopped",
+    "units",
     "degenerate",
     "fallbacks",
     "seconds",

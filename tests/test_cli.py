@@ -329,6 +329,7 @@ def test_registration_without_landmarks(folder, capsys):
         (["--feature", "depth", "depth", "--no-features"], "--feature and --no-features exclude each other"),
         (["--delta", "0.3", "--no-features"], "--delta and --no-features exclude each other"),
         (["--feature", "thick.npy", "thick.npy"], "thick.npy: 5 values for 193 vertices"),
+        (["--feature", "a.label.gii", "a.label.gii"], "a.label.gii: holds labels, no measure; give it to --annot"),
         (["--feature", "absent.npy", "thick.npy"], "absent.npy"),
         (["--feature", "depth", "depth", "--delta", "-1"], "delta = -1.0: must be finite"),
         (["--hold-out", "west"], "no curve is called 'west'"),
@@ -336,6 +337,7 @@ def test_registration_without_landmarks(folder, capsys):
 )
 def test_bad_features_are_one_line(folder, capsys, monkeypatch, options, message):
     np.save(folder / "thick.npy", np.arange(5.0))
+    write_values(folder / "a.label.gii", np.arange(193) % 3)
     monkeypatch.chdir(folder)
     assert message in refused(capsys, folder, "register", "moving.npz", "control.npz", "--out", "out", *options)
 

@@ -3,6 +3,7 @@ a line."""
 
 import json
 import re
+from dataclasses import replace
 from functools import cache
 
 import nibabel
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 from qclearn.io.fsaverage import demo_landmarks, fsaverage5, whole_fsaverage5
-from qclearn.io.meshes import write_surface
+from qclearn.io.meshes import frame_of, read_surface, write_surface
 from qclearn.registration.curves import check_curves, fundus_metric, fundus_path, read_landmarks
 from qclearn.surfaces.surface import Surface
 from test_cli import bowl, refused, run
@@ -143,6 +144,40 @@ def test_points_find_their_vertices_in_either_space(folder, space, shift, capsys
     assert "moving: points 0.9 mm from the nearest vertices, at most 0.9" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("scale, message", [
+    (1e-3, r"units: the moving surface is 0.06 long.*--units m"), (1 / 30, r"is \d+\.\d mm from the surface; check"),
+    (30.0, "in m all are near it|is .* mm from the surface; check the coordinates"),
+])  # fmt: skip
+def test_points_in_mm_and_surfaces_in_other_units_are_one_line(folder, scale, message, capsys):
+    write_points(folder)
+    for name, height in (("m.npz", 0.6), ("c.npz", 0.9)):
+        one = bowl(height)
+        write_surface(folder / name, Surface(30 * scale * one.vertices, one.faces))
+    words = (
+        "landmarks",
+        folder / "m.npz",
+        folder / "c.npz",
+        "--points",
+        folder / "points.csv",
+        "--out",
+        folder / "l.json",
+    )
+    assert re.search(message, refused(capsys, folder, *words))
+    if scale == 1e-3:
+        run(*words, "--units", "m")
+        assert "at most 0.0" in capsys.readouterr().out
+
+
+def test_points_in_metres_are_told(folder, capsys):
+    write_points(folder)
+    head, *lines = (folder / "points.csv").read_text().splitlines()
+    rows = [line.split(",") for line in lines]
+    text = "".join(",".join([*row[:3], *(f"{float(x) / 1e3:.17g}" for x in row[3:])]) + "\n" for row in rows)
+    (folder / "points.csv").write_text(head + "\n" + text)
+    words = folder / "lh.moving", folder / "lh.control", "--points", folder / "points.csv", "--out", folder / "l.json"
+    assert "in m all are near it: give them in mm" in refused(capsys, folder, "landmarks", *words)
+
+
 def test_two_points_are_ends_and_begin_comes_first(folder):
     ends = bowl(0.6).vertices[[1, 97]] * 30
     words = {"End": ends[1], "begin": ends[0]}
@@ -162,6 +197,22 @@ def test_two_points_are_ends_and_begin_comes_first(folder):
     assert json.loads((folder / "l").read_text())["curves"] == [{"name": "a", "moving": [1, 97], "control": [1, 97]}]
 
 
+def test_labels_of_a_cut_surface_say_what_was_cut_away_and_what_never_was_there(folder, capsys):
+    """Numbers of the whole surface, of 300 vertices, of which 107 were cut away."""
+    table = np.r_[0:193] + 107
+    for name in ("lh.moving", "lh.control"):
+        frame = replace(frame_of(folder / name), count=300)
+        write_surface(folder / f"{name}.npz", read_surface(folder / name), table, frame)
+    write_label(folder / "whole.label", [108, 156, 132, 180, 204, 7, 8])
+    write_label(folder / "other.label", [108, 156, 301])
+    pair = folder / "lh.moving.npz", folder / "lh.control.npz"
+    words = "--label", "a", folder / "whole.label"
+    run("landmarks", *pair, *words, folder / "whole.label", "--out", folder / "l.json")
+    assert f"a: 2 of the 7 vertices of {folder / 'whole.label'} are cut away" in capsys.readouterr().out
+    line = refused(capsys, folder, "landmarks", *pair, *words, folder / "other.label", "--out", folder / "m.json")
+    assert re.search(r"other.label \(a\): names vertex 301, and the surface has 300: .*to another surface", line)
+
+
 @pytest.mark.parametrize(
     "words, message",
     [
@@ -170,7 +221,7 @@ def test_two_points_are_ends_and_begin_comes_first(folder):
         (["--label", "a", "filled.label", "east.label"], r"filled.label \(a\): no curve: its 100 vertices reach"),
         (["--label", "a", "east.label", "empty.label"], r"empty.label \(a\): 0 vertices"),
         (["--label", "a", "east.label", "pieces.label"], r"pieces.label \(a\): in 2 pieces"),
-        (["--label", "a", "far.label", "east.label"], "names vertex 999, and the surface has 193: .*npz"),
+        (["--label", "a", "far.label", "east.label"], "names vertex 999, and the surface has 193: .*npz.*another"),
         (
             ["--label", "a", "rh.east.label", "east.label"],
             "rh.east.label: is of the right hemisphere, .* of the left one",

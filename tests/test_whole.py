@@ -21,6 +21,7 @@ from test_cli import everything, refused, run
 BALL = sphere()
 WALL = BALL.vertices[:, 2] < -0.8
 NAMES = ["unknown", "front", "back"]
+SIDES = {"moving": "rh", "control": "lh"}
 
 
 def label(path, vertices):
@@ -182,6 +183,99 @@ def test_a_cut_gifti_knows_its_whole_surface_too(made, cut, tmp_path):
     np.testing.assert_array_equal(ours.disk.original_vertices, theirs.disk.original_vertices)
     assert ours.numbering.known and ours.frame.count == 642 and ours.frame.whole is None
     assert ours.frame.kind == theirs.frame.kind == "Pial" and len(theirs.frame.whole) == len(BALL.faces)
+
+
+@pytest.fixture(scope="module")
+def spoilt(made, cut, tmp_path_factory):
+    """The cut pair in metres; rh with three vertices in no face before it, lh with a doubled seam behind it."""
+    folder = tmp_path_factory.mktemp("spoilt")
+    moving, control = (qc.read_surface(cut / f"{side}.open.npz") for side in ("rh", "lh"))
+    np.savez(
+        folder / "rh.npz", vertices=np.vstack([np.full((3, 3), 70), moving.vertices]) / 1e3, faces=moving.faces + 3
+    )
+    side = control.vertices[control.faces].mean(axis=1)[:, 0] > 0
+    seam = np.intersect1d(control.faces[side], control.faces[~side])
+    new = np.arange(len(control.vertices))
+    new[seam] = len(new) + np.arange(len(seam))
+    faces = np.where(side[:, None], new[control.faces], control.faces)
+    np.savez(folder / "lh.npz", vertices=np.vstack([control.vertices, control.vertices[seam]]) / 1e3, faces=faces)
+    landmarks = json.loads((cut / "landmarks.json").read_text())
+    for curve in landmarks["curves"]:
+        curve["moving"] = [vertex + 3 for vertex in curve["moving"]]
+    (folder / "landmarks.json").write_text(json.dumps(landmarks))
+    return folder
+
+
+def test_metres_unused_vertices_and_seams_are_read_as_the_pair_that_they_are(cut, spoilt, tmp_path, capsys):
+    """Landmarks and maps have the numbers of the files."""
+    register = "register", spoilt / "rh.npz", spoilt / "lh.npz", "--out", tmp_path / "out"
+    assert re.search(r"lh.npz: points doubled along a seam.*--merge", refused(capsys, tmp_path, *register))
+    words = "--merge", "--units", "m", "--mirror", "--hold-out", "none", "--landmarks", spoilt / "landmarks.json"
+    assert "no curve is called 'none'" in refused(capsys, tmp_path, *register, *words)
+    given = {name: read_hemisphere(spoilt / f"{side}.npz", None, "m", True) for name, side in SIDES.items()}
+    own = {name: read_hemisphere(cut / f"{side}.open.npz") for name, side in SIDES.items()}
+    for name, first in (("moving", 3), ("control", 0)):
+        one, count = given[name], len(own[name].disk.vertices)
+        np.testing.assert_allclose(one.disk.vertices, own[name].disk.vertices, rtol=1e-12)
+        np.testing.assert_array_equal(one.disk.faces, own[name].disk.faces)
+        np.testing.assert_array_equal(one.disk.original_vertices, first + np.arange(count))
+        values = np.arange(len(one.given.vertices))
+        np.testing.assert_array_equal(one.numbering.on_disk(values, "values"), first + np.arange(count))
+    ours, theirs = (json.loads((folder / "landmarks.json").read_text())["curves"] for folder in (spoilt, cut))
+    for one, other in zip(on_disks({"curves": ours}, given)["curves"], theirs, strict=True):
+        assert {name: one[name] for name in SIDES} == {name: other[name] for name in SIDES}
+
+
+def test_units_that_are_none_are_refused_and_those_of_another_surface_do_not_matter(made):
+    with pytest.raises(qc.SurfaceError, match="units = 'cm': give one of mm, m, um"):
+        qc.read_surface(made / "rh.pial", units="cm")
+    usual, told = (qc.read_surface(made / "rh.pial", units=units) for units in ("mm", "m"))
+    np.testing.assert_array_equal(usual.vertices, told.vertices)
+
+
+def test_open_merges_and_scales(made, cut, tmp_path):
+    whole = qc.read_surface(made / "rh.pial")
+    soup = 1e3 * whole.vertices[whole.faces].reshape(-1, 3)
+    np.savez(tmp_path / "rh.soup.npz", vertices=soup, faces=np.arange(len(soup)).reshape(-1, 3))
+    cortex = ~qc.read_mask(made / "rh.cortex.label", whole, keep=True)
+    np.savetxt(tmp_path / "rh.cortex.txt", cortex[whole.faces].ravel(), fmt="%d")
+    words = "--mask", tmp_path / "rh.cortex.txt", "--keep", "--merge", "--units", "um", "--out", tmp_path / "x.npz"
+    run("open", tmp_path / "rh.soup.npz", *words)
+    found, expected = qc.read_surface(tmp_path / "x.npz"), qc.read_surface(cut / "rh.open.npz")
+    np.testing.assert_allclose(found.vertices, soup[found.original_vertices] / 1e3)
+    assert len(found.faces) == len(expected.faces) and found.area == pytest.approx(expected.area)
+
+
+@pytest.fixture(scope="module")
+def in_mm(cut):
+    """The cut pair, its landmarks and the report of their registration."""
+    pair = qc.mirror(qc.read_surface(cut / "rh.open.npz")), qc.read_surface(cut / "lh.open.npz")
+    landmarks = json.loads((cut / "landmarks.json").read_text())
+    return *pair, landmarks, qc.register(*pair, landmarks, features=None).report
+
+
+@pytest.mark.parametrize("scale, unit", [(1e-3, "m"), (0.02, None)])
+def test_sizes_of_no_hemisphere_are_suspect_or_relative(in_mm, scale, unit):
+    """Lengths in mm, and so what is suspect besides, do not depend on the unit."""
+    moving, control, landmarks, usual = in_mm
+    other = qc.Surface(scale * control.vertices, control.faces)
+    found = qc.register(moving, other, landmarks, features=None).report
+    units = [reason for reason in found["suspect"] if reason.startswith("units: the control surface")]
+    assert [f"--units {unit}" in reason for reason in units] == ([True] if unit else [])
+    mm = scale if unit else scale * np.ptp(control.vertices, axis=0).max() / 165
+    assert found["landmark_error_mm"] == pytest.approx(usual["landmark_error_mm"] * scale / mm, rel=1e-3)
+    assert (found["units"] is None) == bool(unit) and usual["units"] is None
+
+
+def test_only_the_cortex_is_checked_where_a_label_names_it(made, tmp_path):
+    vertices, faces = nibabel.freesurfer.read_geometry(made / "lh.pial")
+    cortex = ~qc.read_mask(made / "lh.cortex.label", qc.read_surface(made / "lh.pial"), keep=True)
+    vertices[~cortex] = np.nan
+    nibabel.freesurfer.write_geometry(tmp_path / "lh.pial", vertices, faces)
+    ours, theirs = (read_hemisphere(folder / "lh.pial", made / "lh.cortex.label") for folder in (tmp_path, made))
+    np.testing.assert_array_equal(ours.disk.faces, theirs.disk.faces)
+    np.testing.assert_array_equal(ours.disk.original_vertices, theirs.disk.original_vertices)
+    assert ours.numbering.count == 642 and ours.is_whole
 
 
 def in_pieces(folder):

@@ -74,20 +74,6 @@ def figures(notebook):
         yield f"the end of the page: the figure {waiting!r} has no caption"
 
 
-def keys(notebook):
-    """Names that keep(name=...) is given in two cells. (What keep(**numbers) was given, the build
-    asks the kernel.)"""
-    first = {}
-    for number, cell in enumerate(notebook.cells, 1):
-        if cell.cell_type != "code":
-            continue
-        here = place(number, cell)
-        names = {keyword.arg for call in calls_of(syntax(cell), "keep") for keyword in call.keywords if keyword.arg}
-        for name in sorted(names):
-            if first.setdefault(name, here) != here:
-                yield f"{here}: the key {name!r} is kept already by {first[name]}; give it a name of its own"
-
-
 def pictures_without_a_name(notebook):
     """After execution: pictures that did not come from show_figure have neither caption nor
     description."""
@@ -99,4 +85,4 @@ def pictures_without_a_name(notebook):
 
 def check(notebook):
     """Everything that is wrong with the source of a page, as a list of lines."""
-    return [*figures(notebook), *keys(notebook)]
+    return list(figures(notebook))

@@ -1,13 +1,13 @@
 """Measure the factors of `register(uncertainty=True)` where true maps are known, and judge them
 where they took no part.
 
-    python -m book.studies.calibrate_uncertainty [--folder DIR] [--out FILE.json] [--only next]
+    python -m book.studies.calibrate_uncertainty
 
 Subjects that calibrate and subjects that judge are disjoint. Pairs of either have all, half, two or
 none of their curves fitted, and 6,000 to 20,000 vertices; landmarks alone have factors of their
 own. Warped real cortex and the held-out curves of fsaverage5 are told apart: nothing was chosen by
 them; so are pairs at the ends of the weights for which there is a radius, and at those of an
-individual. Finished cases are kept in DIR and not run again.
+individual. Finished cases are kept in the user's cache and not run again.
 """
 
 import json
@@ -16,7 +16,6 @@ import warnings
 from functools import cache, partial
 from pathlib import Path
 
-import click
 import numpy as np
 from platformdirs import user_cache_path
 from scipy.stats import spearmanr
@@ -121,15 +120,9 @@ def judged(one, factors):
     } | ({"seconds": one["seconds"].tolist()} if "seconds" in one else {})
 
 
-@click.command(help=__doc__)
-@click.option("--folder", type=Path, default=user_cache_path("qclearn") / "sure", help="Where finished cases are kept.")
-@click.option("--out", type=Path, default=KEPT)
-@click.option("--only", type=click.Choice(["next"]), help="Measure this alone, and keep the rest of FILE.json.")
-def main(folder, out, only):
+def main():
     settings = {"generation": GENERATION, "weights": {kind: vars(weights) for kind, weights in USUAL.items()}}
-    checkpoint = Checkpoint(folder, settings, click.ClickException)
-    if only:
-        return write(out, calibrated() | {"next": on_next(checkpoint)})
+    checkpoint = Checkpoint(user_cache_path("qclearn") / "sure", settings, RuntimeError)
     found, words = {}, {}
     for part, kind, first, second, setting in cases():
         seeds = [FIRST[part] + number for number in (first, second)]
@@ -156,11 +149,8 @@ def main(folder, out, only):
         }
     factors = result["folds"]["factors"]
     result |= {"warps": on_warps(checkpoint, factors), "curves": on_curves(checkpoint, factors)}
-    write(out, result | {"ends": at_ends(checkpoint, factors), "next": on_next(checkpoint)})
-
-
-def write(out, result):
-    write_whole(out, lambda place: place.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8"))
+    result |= {"ends": at_ends(checkpoint, factors), "next": on_next(checkpoint)}
+    write_whole(KEPT, lambda place: place.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8"))
 
 
 def on_warps(checkpoint, factors):

@@ -1,7 +1,6 @@
-"""Measure the polar solver and the shipped networks against their exact twins, on seeds of your
-choice.
+"""Measure the shipped networks against their exact twins.
 
-    python -m book.studies.evaluate_networks --seeds 1001-1024 --out qclearn/benchmark/results/networks.json
+    python -m book.studies.evaluate_networks --out qclearn/benchmark/results/networks.json
 
 One thread throughout, so that the times compare. Each part of the file carries its own provenance;
 parts that are not run again are kept. The pages of the book read their figures from
@@ -12,7 +11,6 @@ import argparse
 import importlib
 import os
 import platform
-import sys
 import time
 from importlib.metadata import version
 from pathlib import Path
@@ -26,8 +24,9 @@ from data_synth.generations import GENERATION
 from qclearn.benchmark.measured import read_measured, write_measured
 from qclearn.io.provenance import provenance
 
+SEEDS = list(range(1001, 1025))
 # The last two need networks that are not shipped.
-PARTS = ("polar", "ldnet", "cpnet", "dbsnet", "losses", "whole", "controls")
+PARTS = ("ldnet", "cpnet", "dbsnet", "losses", "whole", "controls")
 
 
 def main():
@@ -37,11 +36,8 @@ def main():
     for part in options.only:
         start = time.perf_counter()
         with threadpool_limits(1):
-            figures = importlib.import_module(f"book.studies.evaluation.{part}").figures(
-                options.seeds, quick=options.quick
-            )
+            figures = importlib.import_module(f"book.studies.evaluation.{part}").figures(SEEDS, quick=options.quick)
         results[part] = {**figures, "provenance": told(options, time.perf_counter() - start)}
-        show(part, results[part])
         if options.out:  # after every part: what was measured is not lost
             options.out.parent.mkdir(parents=True, exist_ok=True)
             write_measured("networks", options.out, results)
@@ -49,22 +45,15 @@ def main():
 
 def read_options():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=seed_list, default=seed_list("1001-1024"), help="default: 1001-1024")
     parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS, help="parts to run (default: all)")
     parser.add_argument("--quick", action="store_true", help="few samples, to see that all works")
     parser.add_argument("--out", type=Path, help="JSON file to write or to renew")
     return parser.parse_args()
 
 
-def seed_list(text):
-    """[7, 8, 9] from "7-9"."""
-    first, _, last = text.partition("-")
-    return list(range(int(first), int(last or first) + 1))
-
-
 def told(options, seconds):
     return {
-        "seeds": options.seeds,
+        "seeds": SEEDS,
         "quick": options.quick,
         "generation": GENERATION,
         **provenance(),
@@ -73,18 +62,6 @@ def told(options, seconds):
         "python": platform.python_version(),
         **{name: version(name) for name in ("torch", "numpy", "scipy", "qclearn")},
     }
-
-
-def show(part, figures, indent=0):
-    """Print nested figures, a line each."""
-    print("  " * indent + f"{part}:")
-    for name, value in figures.items():
-        if isinstance(value, dict):
-            show(name, value, indent + 1)
-        else:
-            text = f"{value:.4g}" if isinstance(value, float) else str(value)
-            print("  " * (indent + 1) + f"{name}: {text if len(text) < 100 else text[:97] + '...'}")
-    sys.stdout.flush()
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Measure whole chains of registration at three sizes: fsaverage5 as it is, and with its faces
 split once and twice.
 
-    python -m book.studies.sizes --out qclearn/benchmark/results/sizes.json
+    python -m book.studies.sizes
 
 CPU seconds of one thread, the least of the repetitions. All chains begin with the two disk maps and
 LD-Net's landmarks. Then come the paper's networks; the exact solver in DBS-Net's place; and the
@@ -10,16 +10,14 @@ CP-Net knows its own control alone: it is given that control's landmarks, moved 
 fsaverage5's lie apart. All landmarks are vertices of fsaverage5, the same at each size.
 """
 
-import argparse
 import time
 import warnings
-from pathlib import Path
 
 import numpy as np
 import torch
 from threadpoolctl import threadpool_limits
 
-from qclearn.benchmark.measured import write_measured
+from qclearn.benchmark.measured import RESULTS, write_measured
 from qclearn.benchmark.methods.harmonic import unfold
 from qclearn.benchmark.methods.solver import LandmarkSolver
 from qclearn.io.fsaverage import fsaverage5, named_sulci
@@ -46,36 +44,26 @@ SULCI = (  # in the order that the paper's networks were trained on
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, help="JSON file to write")
-    parser.add_argument("--cuts", type=int, nargs="+", default=list(REPETITIONS), help="how often each face is split")
-    options = parser.parse_args()
     torch.set_num_threads(1)
     surfaces = mirror(fsaverage5("right")), fsaverage5("left")
     marks = [landmarks(*pair) for pair in zip(surfaces, ("right", "left"))]
     rows, maps, repetitions = [], [], {}
     with threadpool_limits(1), torch.no_grad():
-        warm_up(surfaces, marks)
-        for cuts in options.cuts:
+        chains(surfaces, marks, Clock())  # not counted: loads weights and code
+        for cuts, count in REPETITIONS.items():
             sides, clock, found = [cut(surface, cuts) for surface in surfaces], Clock(), {}
-            for _ in range(REPETITIONS[cuts]):
+            for _ in range(count):
                 found = chains(sides, marks, clock)
                 clock.keep_the_least()
             vertices = len(sides[0].vertices)
-            repetitions[vertices] = REPETITIONS[cuts]
-            rows += [row(vertices, *key, seconds) for key, seconds in clock.least.items()]
+            repetitions[vertices] = count
+            rows += [
+                {"vertices": vertices, "chain": chain, "stage": stage, "seconds": seconds}
+                for (chain, stage), seconds in clock.least.items()
+            ]
             maps += [{"vertices": vertices, "chain": chain, **figures} for chain, figures in found.items()]
-            print(
-                *(f"{line['chain']:24}{line['stage']:16}{line['seconds']:9.3f}" for line in rows[-len(clock.least) :]),
-                sep="\n",
-            )
     figures = {"rows": rows, "maps": maps, "landmarks": POINTS * len(SULCI), "repetitions": repetitions, "threads": 1}
-    if options.out:
-        write_measured("sizes", options.out, figures | {"provenance": provenance()})
-
-
-def row(vertices, chain, stage, seconds):
-    return {"vertices": vertices, "chain": chain, "stage": stage, "seconds": seconds}
+    write_measured("sizes", RESULTS / "sizes.json", figures | {"provenance": provenance()})
 
 
 def landmarks(surface, hemisphere):
@@ -117,11 +105,6 @@ class Clock:
     def keep_the_least(self):
         self.least = {key: min(seconds, self.least.get(key, np.inf)) for key, seconds in self.now.items()}
         self.now = {}
-
-
-def warm_up(surfaces, marks):
-    """One repetition that nobody counts: weights are loaded, and code."""
-    chains(surfaces, marks, Clock())
 
 
 NETWORKS, EXACT = "networks", "exact solver"

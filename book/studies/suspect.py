@@ -7,8 +7,7 @@ Pairs are drawn from the two hemispheres of fsaverage5 (the right one mirrored) 
 are made up that they were cut from. Four to eleven curves a pair, by their ends or whole, either
 method; or one or two, or the folds alone, the other curves held out and the nearest curve's name an
 annotation. All are registered. Writes qclearn/benchmark/results/suspect.json, every case with its
-values, and prints how often the right word was said and the range of each value. Finished cases are
-kept and not run again.
+values. Finished cases are kept and not run again.
 """
 
 import re
@@ -61,26 +60,6 @@ WORDS = {
 }
 GOOD = {"good": 10 * CASES, "good" + FEW: 2 * CASES, "good" + ALONE: 2 * CASES}
 COUNTS = GOOD | dict.fromkeys(WORDS, CASES)
-# value -> the limit it is held against
-VALUES = {
-    "error_mm": "error_mm",
-    "error_share": "error_share",
-    "curve_mm": "curve_mm",
-    "curve_ratio": "curve_ratio",
-    "rows": "rows",
-    "strong_area": "strong_area",
-    "order better": "better",
-    "surface better": "better",
-    "surface given": "surface_given",
-    "order plausible": "plausible",
-    "surface plausible": "plausible",
-    "hand": "hand",
-    "rotation_contrast": "rotation_contrast",
-    "worse": "worse",
-    "worse_mm": "worse_mm",
-    "worse_curve_mm": "worse_curve_mm",
-    "worse_dice": "worse_dice",
-}
 
 
 def hemisphere(side, surface):
@@ -237,45 +216,6 @@ def measure(kind, number, groups):
     return plain(case)
 
 
-def recognised(case):
-    """Whether a wrong case was met by its word: as a reason, or in the message it was refused with."""
-    word = WORDS[case["kind"]] + ":"
-    return word in case.get("refused", "") or any(reason.startswith(word) for reason in case.get("mistakes", []))
-
-
-def any_word(case):
-    """Whether a case was called suspect, or refused."""
-    return bool(case.get("mistakes") or case.get("suspect") or "refused" in case)
-
-
-def found_in(case, name):
-    """The values of a case by the name of a threshold's value, list."""
-    if name in case:
-        return [case[name]]
-    group, _, key = name.partition(" ")
-    order, right = ("reversed", "swapped"), WORDS.get(case["kind"])
-    return [
-        hypothesis[key]
-        for word, hypothesis in case.get("hypotheses", {}).items()
-        if key and (word in order) == (group == "order") and right in (None, word)
-    ]
-
-
-def table(cases):
-    """Lines: how often each mistake was recognised, and the range of each value in good cases and
-    in each wrong kind."""
-    for kind in COUNTS:
-        own = [case for case in cases if case["kind"] == kind]
-        right = f", {sum(map(recognised, own))} of them by the right word" if kind in WORDS else ""
-        yield (f"{kind:26} {len(own):3} cases: {sum(map(any_word, own)):3} suspect{right}")
-    for name, limit in VALUES.items():
-        yield f"{name} (limit {diagnose.LIMITS[limit]:.3g})"
-        for kind in COUNTS:
-            found = [value for case in cases if case["kind"] == kind for value in found_in(case, name)]
-            if found:
-                yield f"    {kind:26} {min(found):.3g} to {max(found):.3g}"
-
-
 @click.command(help=__doc__)
 @click.option("--also", multiple=True, help="npz surface with curves named as those of fsaverage5.")
 @click.option("--out", default=str(RESULTS / "suspect.json"), show_default=False)
@@ -302,7 +242,6 @@ def main(also, out):
     figures = {"commit": commit(), "vertices": VERTICES, "limits": diagnose.LIMITS, "cases": cases}
     write_measured("suspect", out, figures)
     shutil.rmtree(checkpoint.path)
-    print("\n".join(table(list(done.values()))))
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Measure the template of the synthetic cohort beside Möbius maps alone and registration to one
 control.
 
-    python -m book.studies.template --out qclearn/benchmark/results/template.json
+    python -m book.studies.template
 
 What is averaged: the maps of all subjects after each way. What is compared with the truth: where
 the same way takes each subject's vertices and named sulci, which take no part, on the control's
@@ -10,7 +10,6 @@ surface; through the template by its own map to the template and back by the con
 once they have ended.
 """
 
-import argparse
 import json
 import resource
 import tempfile
@@ -25,7 +24,8 @@ import qclearn as qc
 from data_synth.cohort import cohort
 from data_synth.correspondence import correspondence
 from data_synth.generations import GENERATION
-from qclearn.benchmark.measured import write_measured
+from qclearn.benchmark.measured import RESULTS, write_measured
+from qclearn.benchmark.measures import correspondence_measures, near_curves
 from qclearn.group.members import members_of
 from qclearn.group.rounds import Folder, Group
 from qclearn.group.subject import alone
@@ -34,39 +34,35 @@ from qclearn.io.provenance import provenance
 from qclearn.plane.disk import Disk
 from qclearn.registration.curves import curve_distance, curves_in_space
 from qclearn.registration.features import FOLDS
-from qclearn.registration.metrics import correspondence_measures, near_curves
 from qclearn.registration.problem import BY_DISKS, Weights
 from qclearn.surfaces.conformal import ParameterizedSurface
 from qclearn.surfaces.curvature import curvature_image
 
-ROUNDS = 6
+ROUNDS, WORKERS = 6, 2
 NEAR = 10.0  # mm along the surface: what counts as near a sulcus
 PIXELS, GREYS = 96, 100  # of the pictures, and steps from 0 to their largest value
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--out", type=Path, required=True, help="JSON file to write")
-    options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        measure(options, Path(folder))
+        write_measured("template", RESULTS / "template.json", measure(Path(folder)))
 
 
-def measure(options, folder):
+def measure(folder):
+    """The figures of the file, dict; folder: of the template's own files."""
     subjects = {str(cortex.seed): cortex for cortex in cohort()}
     seconds = {}
     with clock(seconds, "template"):
-        made = qc.template(subjects, rounds=ROUNDS, folder=folder, workers=options.workers, progress=True)
+        made = qc.template(subjects, rounds=ROUNDS, folder=folder, workers=WORKERS, progress=True)
     start = qc.template(subjects, rounds=0, folder=folder, workers=1)
     with clock(seconds, "one control"):
-        control, single, fits = one_control(subjects, folder, options.workers)
+        control, single, fits = one_control(subjects, folder)
     ways = {
         "Möbius maps": (made.disks, made.disks[control]),
         "one control": (fits, single.disk.z),
         "template": (made.disk_maps, made.disk_maps[control]),
     }
-    figures = {
+    return {
         "subjects": len(subjects),
         "generation": GENERATION,
         "vertices": len(subjects[control].surface.vertices),
@@ -80,12 +76,9 @@ def measure(options, folder):
         "truth": {way: against_truth(subjects, control, *maps) for way, maps in ways.items()},
         "pictures": pictures(subjects[control].surface, start, single, made),
         "seconds": seconds,
-        "workers": options.workers,
+        "workers": WORKERS,
         "provenance": provenance(),
     }
-    for name in ("variance", "truth", "seconds"):
-        print(name, json.dumps(figures[name], indent=1))
-    write_measured("template", options.out, figures)
 
 
 @contextmanager
@@ -101,12 +94,12 @@ def processor_seconds():
     return sum(one.ru_utime + one.ru_stime for one in used)
 
 
-def one_control(subjects, folder, workers):
+def one_control(subjects, folder):
     """The subject of median area, whose mesh the template has; the `Mean` of all that are
     registered to it as to a template that stays as it is, and their disk maps, name -> (V,)."""
     members, features = members_of(subjects, FOLDS)
     aligned = Folder(folder, json.loads((folder / "settings.json").read_text(encoding="utf-8")))
-    with client_of(None, workers) as client:
+    with client_of(None, WORKERS) as client:
         group = Group(client, members, features, aligned, tqdm(disable=True))
         group.align_to_mean()
         group.folder, control = Folder(None, {}), group.median()

@@ -16,7 +16,7 @@ import json
 import os
 import subprocess
 import sys
-import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
@@ -99,17 +99,14 @@ def read_options():
 def train_side_by_side(names, jobs):
     """Train in processes of their own, `jobs` at a time; one that fails is told, and the others go
     on."""
-    waiting, working = list(names), {}
-    while waiting or working:
-        while waiting and len(working) < jobs:
-            name = waiting.pop(0)
-            print(f"{name} ...", flush=True)
-            working[name] = subprocess.Popen([sys.executable, __file__, "--one", name])
-        for name, process in list(working.items()):
-            if process.poll() is not None:
-                del working[name]
-                print(f"{name}: {'done' if process.returncode == 0 else f'failed ({process.returncode})'}", flush=True)
-        time.sleep(1)
+
+    def run_one(name):
+        print(f"{name} ...", flush=True)
+        status = subprocess.call([sys.executable, __file__, "--one", name])
+        print(f"{name}: {f'failed ({status})' if status else 'done'}", flush=True)
+
+    with ThreadPoolExecutor(jobs) as pool:
+        list(pool.map(run_one, names))
 
 
 def train_one(name):

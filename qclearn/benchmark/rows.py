@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from ..io.checkpoint import Checkpoint
-from ..registration.metrics import paired_difference
 from .measured import SCHEMA_VERSION, BenchmarkError, plain, write_measured
+from .measures import paired_difference
 from .verdicts import judge_start, side
 
 
@@ -156,12 +156,10 @@ def summary(rows):
             if values or key in MAIN:
                 line[key] = float(np.mean(values)) if values else None
                 line[f"sd_of_{key}"] = float(np.std(values)) if values else None
-        stages = (
-            {name: [row["seconds"][name] for row in done] for name in done[0]["seconds"]}
-            if done
-            else {}
-        )
-        line["stages"] = {name: float(np.median(seconds)) for name, seconds in stages.items()}
+        stages = done[0]["seconds"] if done else ()
+        line["stages"] = {
+            name: float(np.median([row["seconds"][name] for row in done])) for name in stages
+        }
         line["seconds"] = line["stages"].get("map")
         table[run] = line
     return table

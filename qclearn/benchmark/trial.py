@@ -15,8 +15,8 @@ from ..plane.bijectivity import RepairWarning
 from ..plane.disk import Disk
 from ..plane.grids import polar
 from ..plane.mobius import mobius
-from ..registration import metrics
 from ..registration.register import register
+from . import measures
 from . import reference_metrics as reference
 from .images import OnDisk, image_of, reversed_on_sphere
 from .methods.networks import networks_of
@@ -196,10 +196,10 @@ def map_figures(pair, prepared, f, lookup, keep_field):
     points = image.lift(places)
     mapped = prepared.samples @ f
     off = np.linalg.norm(image.lift(image.locate(mapped)) - prepared.target_mm, axis=1)
-    figures |= metrics.landmark_measures(mapped if f.ndim == 1 else np.nan, prepared.target, off)
+    figures |= measures.landmark_measures(mapped if f.ndim == 1 else np.nan, prepared.target, off)
     figures |= true_errors(pair, f, image)
     figures |= reference.held_out(pair, problem.sides, f, image)
-    figures |= metrics.distortion_measures(moving, points)
+    figures |= measures.distortion_measures(moving, points)
     figures |= reference.log2_means(moving, points)
     figures |= reference.tails(moving, points)
     figures |= reference.folds_agree(pair, image, places)
@@ -211,8 +211,8 @@ def map_figures(pair, prepared, f, lookup, keep_field):
     figures["reversed_on_sphere"] = reversed_on_sphere(pair, places, f)
     if pair.truth is not None:
         curves = [curve["moving"] for curve in (*pair.curves, *pair.held)]
-        near = metrics.near_curves(moving, curves, NEAR)
-        figures |= metrics.correspondence_measures(points, pair.truth, near)
+        near = measures.near_curves(moving, curves, NEAR)
+        figures |= measures.correspondence_measures(points, pair.truth, near)
         figures |= reference.true_map(pair, lookup)
     if keep_field and f.ndim == 1 and figures["certified"]:
         mu = problem.disk.coefficient(f)
@@ -226,8 +226,8 @@ def in_disk(moving, problem, f):
     certificate = problem.disk.certify(f)
     off_circle = float(abs(abs(f[moving.boundary]) - 1).max())
     return {
-        **metrics.coefficient_measures(moving, problem.disk, mu),
-        "histogram": metrics.coefficient_histogram(mu),
+        **measures.coefficient_measures(moving, problem.disk, mu),
+        "histogram": measures.coefficient_histogram(mu),
         "flipped": len(certificate.flipped),
         "bijective": certificate.bijective,
         "off_circle": off_circle,

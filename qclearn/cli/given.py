@@ -11,6 +11,17 @@ from ..io.meshes import frame_of
 from ..io.values import read_map, read_regions
 from ..registration.features import FOLDS, Feature, FeatureError
 from ..registration.problem import INDIVIDUAL
+from ..surfaces.units import UNITS
+
+units_option = click.option(
+    "--units",
+    type=click.Choice(list(UNITS)),
+    default="mm",
+    help="Of the files; a surface as long as a hemisphere in another unit stays as it is.",
+)
+merge_option = click.option(
+    "--merge", is_flag=True, help="Merge points doubled along a seam; copies count as cut away."
+)
 
 
 def given_weights(none):
@@ -47,6 +58,8 @@ def feature_of(hemisphere, path):
     """The values of a file on the disk; FeatureError where one is not finite there."""
     given = read_map(path)
     require_side(path, given.side, hemisphere.frame.side, hemisphere.path)
+    if given.is_whole and len(given.labels or ()) > 1:  # more than Workbench's ???
+        raise FeatureError(f"{path}: holds labels, no measure; give it to --annot")
     values = hemisphere.numbering.on_disk(given.values, path)
     finite = np.isfinite(values.reshape(len(values), -1)).all(axis=1)
     # `register` would name the vertices by their numbers on the disk.

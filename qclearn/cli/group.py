@@ -16,6 +16,7 @@ from ..io.safe import npz_arrays, read_bytes
 from ..registration.features import FOLDS
 from ..registration.problem import BY_DISKS
 from ..registration.transfer import side_arrays, write_registration
+from .given import units_option
 from .output import fail, output_folder, say
 
 
@@ -25,13 +26,14 @@ from .output import fail, output_folder, say
 @click.option(
     "--mirror", multiple=True, metavar="SUBJECT", help="Mirror one first (right to left)."
 )
+@units_option
 @click.option("--feature", "features", multiple=True, type=click.Choice(FOLDS), default=FOLDS)
 @click.option("--rounds", type=int, default=4, help="At most so many; 0: Möbius maps alone.")
 @click.option("--delta", type=float, default=BY_DISKS, help="Weight of the features' mismatch.")
 @click.option("--folder", help="Where finished rounds are stored  [default: rounds in --out]")
 @click.option("--scheduler", help="Address of a dask scheduler, tcp://HOST:8786.")
 @click.option("--workers", type=int, default=2, help="Processes, without --scheduler.")
-def template(subjects, out, mirror, folder, **options):
+def template(subjects, out, mirror, folder, units, **options):
     """Make an unbiased template of SUBJECTS, surface files of disks of one side.
 
     The folder gets template.npz, report.json and a registration-NN.npz per subject. Exit code 3 if
@@ -42,7 +44,7 @@ def template(subjects, out, mirror, folder, **options):
         raise click.UsageError(f"--mirror {unknown[0]}: not one of the subjects")
     if len(set(subjects)) < len(subjects):
         raise click.UsageError("a subject is given twice")
-    members = {path: member_of(path, path in mirror) for path in subjects}
+    members = {path: member_of(path, path in mirror, units) for path in subjects}
     made = qc.template(members, folder=folder or Path(out) / "rounds", progress=True, **options)
     with output_folder(out) as place:
         write_template(place, made, members)
@@ -52,9 +54,9 @@ def template(subjects, out, mirror, folder, **options):
         fail(f"left out: {'; '.join(messages)}", 3)
 
 
-def member_of(path, mirrored):
+def member_of(path, mirrored, units):
     """A subject with the TRAITS that its file names."""
-    surface, frame = qc.read_surface(path), frame_of(path)
+    surface, frame = qc.read_surface(path, units), frame_of(path)
     known = {"hemisphere": frame.side}
     if Path(path).suffix == ".npz":
         arrays = npz_arrays(read_bytes(Path(path)), lambda name: name in TRAITS)

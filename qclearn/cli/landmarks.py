@@ -22,6 +22,8 @@ from ..registration.curves import (
 )
 from ..registration.tracing import aligned_by_folds, carried, ends_apart, ordered, threaded
 from ..surfaces.checks import counted
+from ..surfaces.units import other_units
+from .given import merge_option, units_option
 from .output import say
 
 DOUBT = 0.6  # of the ends' distance when reversed: 0.02 to 0.42 on known curves of two people
@@ -32,6 +34,8 @@ DOUBT = 0.6  # of the ends' distance when reversed: 0.02 to 0.42 on known curves
 @click.argument("control")
 @click.option("--cortex", metavar="FILE", help="lh.cortex.label of a whole MOVING.")
 @click.option("--control-cortex", metavar="FILE", help="The same of a whole CONTROL.")
+@units_option
+@merge_option
 @click.option(
     "--label",
     "labels",
@@ -52,7 +56,9 @@ DOUBT = 0.6  # of the ends' distance when reversed: 0.02 to 0.42 on known curves
     "--mirror", is_flag=True, help="As for `register`: MOVING is of the other hemisphere."
 )
 @click.option("--out", required=True, help="The file to write, for `register --landmarks`.")
-def landmarks(moving, control, cortex, control_cortex, labels, points, space, carry, mirror, out):
+def landmarks(
+    moving, control, cortex, control_cortex, units, merge, labels, points, space, carry, mirror, out
+):
     """Write a landmarks file for MOVING and CONTROL from labels, points or a template.
 
     Both are given as to `register`, and the file has the vertex numbers of the surfaces as given.
@@ -63,8 +69,10 @@ def landmarks(moving, control, cortex, control_cortex, labels, points, space, ca
         raise click.UsageError("landmarks needs --label, --points or --carry")
     if space and not points:
         raise click.UsageError("--space belongs to --points")
-    hemispheres = read_hemisphere(moving, cortex), read_hemisphere(control, control_cortex)
-    sides = dict(zip(SIDES, hemispheres))
+    files = (moving, cortex), (control, control_cortex)
+    sides = dict(zip(SIDES, (read_hemisphere(*names, units, merge) for names in files)))
+    for reason in other_units(**{side: one.disk for side, one in sides.items()}):
+        raise qc.SurfaceError(reason)
     for one in sides.values():
         qc.require_disk(one.disk)
         qc.require_outward(one.disk)
@@ -108,7 +116,7 @@ def from_labels(labels, sides, mirror, lines):
     lines: list of messages to the user, which grows.
     """
     paths = [
-        [label_path(name, file, sides[side]) for side, file in zip(SIDES, files)]
+        [label_path(name, file, sides[side], lines) for side, file in zip(SIDES, files)]
         for name, *files in labels
     ]
     moving, control = (one.disk for one in sides.values())
@@ -125,27 +133,32 @@ def from_labels(labels, sides, mirror, lines):
     return curves
 
 
-def label_path(name, file, one):
+def label_path(name, file, one, lines):
     """The path of a label's vertices on a `Hemisphere`'s disk; LandmarkError names the label."""
     require_side(file, side_of_name(file), one.frame.side, one.path)
     try:
-        return ordered(one.disk, own_numbers(one.disk, read_label(file)))
+        numbers = read_label(file)
+        own = own_numbers(one, numbers)
+        if lost := len(np.unique(numbers)) - len(np.unique(own)):
+            lines.append(f"{name}: {lost} of the {len(numbers)} vertices of {file} are cut away")
+        return ordered(one.disk, own)
     except qc.LandmarkError as error:
         raise qc.LandmarkError(f"{file} ({name}): {error}") from None
 
 
-def own_numbers(surface, numbers):
-    """Vertices of a surface by their numbers (n,) in the whole one; those cut away drop out."""
-    whole = surface.original_vertices
-    if whole is not None:
-        return np.flatnonzero(np.isin(whole, numbers))
-    bad = numbers[(numbers < 0) | (numbers >= len(surface.vertices))]
+def own_numbers(one, numbers):
+    """Vertices of a `Hemisphere`'s disk by their numbers (n,) in the whole surface; those cut away
+    drop out."""
+    table = one.numbering.table
+    count = one.numbering.count or (one.numbering.size if table is None else np.inf)
+    bad = numbers[(numbers < 0) | (numbers >= count)]
     if len(bad):
         raise qc.LandmarkError(
-            f"names vertex {bad[0]}, and the surface has {len(surface.vertices)}: if it was cut "
-            "open, give the npz that `qclearn open` writes, or the whole surface and --cortex"
+            f"names vertex {bad[0]}, and the surface has {count}: if it was cut open, give the npz "
+            "that `qclearn open` writes, or the whole surface and --cortex; else the label belongs "
+            "to another surface"
         )
-    return numbers
+    return numbers if table is None else np.flatnonzero(np.isin(table, numbers))
 
 
 def from_points(file, sides, space, lines):

@@ -17,7 +17,7 @@ from ..registration.problem import BY_DISKS, DELTA, ETA, INDIVIDUAL, Weights
 from ..registration.register import Stages
 from ..registration.register import register as run_registration
 from ..registration.transfer import side_arrays, write_registration
-from .given import given_features, given_weights, regions_of
+from .given import given_features, given_weights, merge_option, regions_of, units_option
 from .output import fail, output_folder
 from .sphere import FILES as SPHERES
 from .sphere import ControlSphere, sphere_of, write_sphere
@@ -44,6 +44,8 @@ def refuse_sure(context, parameter, value):
 @click.argument("control")
 @click.option("--cortex", metavar="FILE", help="lh.cortex.label of a whole MOVING, to cut it open.")
 @click.option("--control-cortex", metavar="FILE", help="The same for a whole CONTROL.")
+@units_option
+@merge_option
 @click.option("--landmarks", help="JSON file of curves  [default: those in both npz, or none]")
 @click.option("--out", required=True, help="Folder to write to.")
 @click.option(
@@ -89,7 +91,9 @@ def refuse_sure(context, parameter, value):
 @report_option
 @click.option("--sphere", metavar="FILE", help="The control's; also do `qclearn sphere`.")
 @accept_suspect_option
-def register(moving, control, cortex, control_cortex, landmarks, out, mirror, sphere, **options):
+def register(
+    moving, control, cortex, control_cortex, units, merge, landmarks, out, mirror, sphere, **options
+):
     """Register MOVING to CONTROL by folds and landmark curves; write a certified map.
 
     Each of the two is a surface file, or fsaverage5:left or fsaverage5:right. Landmarks and
@@ -119,13 +123,15 @@ def register(moving, control, cortex, control_cortex, landmarks, out, mirror, sp
       distortion:  |mu| is over 0.9 on more than 1 % of the surface
       features:    those of the two sides hardly agree after the best Möbius map, or have opposite signs
       worse:       a held-out curve or the annotations fit clearly worse than after the best Möbius map
+      units:       a surface has the length of a hemisphere in metres or micrometres: give --units
     """
     no_features, no_landmarks, individual, annot = (
         options.pop(name) for name in ("no_features", "no_landmarks", "individual", "annot")
     )
     if no_landmarks and landmarks:
         raise qc.LandmarkError("--landmarks and --no-landmarks exclude each other; drop one")
-    hemispheres = read_hemisphere(moving, cortex), read_hemisphere(control, control_cortex)
+    files = (moving, cortex), (control, control_cortex)
+    hemispheres = [read_hemisphere(*names, units, merge) for names in files]
     pair = Pair(*hemispheres, mirror)
     pair = replace(pair, sphere=sphere and sphere_of(pair, sphere))
     features = given_features(pair, options.pop("given"), no_features, options["delta"])
@@ -296,6 +302,8 @@ def print_report(report, out):
         line("uncertainty", text)
     if report["stopped"]:
         line("stopped", report["stopped"])
+    if report["units"]:
+        line("units", report["units"])
     line("fallbacks", "; ".join(report["fallbacks"]) or "none")
     line("suspect", "; ".join(reason.split(":")[0] for reason in report["suspect"]) or "no")
     line("seconds", f"{report['seconds']['total']:.1f}")

@@ -11,11 +11,13 @@ from tqdm import tqdm
 
 import qclearn as qc
 
-from ..io.hemisphere import frame_of_whole, require_side
-from ..io.meshes import frame_of
+from ..io.annotations import nothing_key
+from ..io.hemisphere import frame_of_whole, opened, require_side
+from ..io.meshes import frame_of, read_mesh
 from ..io.values import Map, read_map
 from ..registration.transfer import frame_of_side, numbering_of_side, read_registration
 from ..registration.transfer import transfer as transfer_map
+from .given import merge_option, units_option
 from .output import say
 
 hemisphere_option = click.option(
@@ -31,23 +33,23 @@ hemisphere_option = click.option(
     "--keep", is_flag=True, help="The file names what stays (lh.cortex.label, thickness)."
 )
 @click.option("--reverse", is_flag=True, help="Reverse all faces first: the surface is inside out.")
+@units_option
+@merge_option
 @hemisphere_option
 @click.option("--out", required=True, help="File; npz and GIFTI store the original numbers, too.")
-def open_command(surface, mask, label, keep, reverse, hemisphere, out):
+def open_command(surface, mask, label, keep, reverse, units, merge, hemisphere, out):
     """Cut a closed hemisphere open at its medial wall, so that it becomes a disk."""
     if (mask is None) == (label is None):
         raise click.UsageError("open needs one of --mask FILE and --label FILE")
-    closed = qc.read_surface(surface)
-    if reverse:
-        closed = qc.Surface(closed.vertices, closed.faces[:, ::-1], closed.curves)
-    qc.require_outward(closed)
+    closed = read_mesh(surface, units, merge)
+    closed = closed._replace(faces=closed.faces[:, ::-1]) if reverse else closed
     frame = frame_of(surface)
     require_side(mask or label, frame_of(mask or label).side, hemisphere or frame.side, surface)
     mask = qc.read_mask(mask or label, closed, keep)
-    opened, original = qc.open_surface(closed, mask)
+    disk, original = opened(surface, closed, mask)
     frame = frame_of_whole(replace(frame, side=hemisphere or frame.side), closed)
-    qc.write_surface(out, opened, original_vertices=original, frame=frame)
-    count, rim = len(opened.vertices), len(opened.boundary)
+    qc.write_surface(out, disk, original_vertices=original, frame=frame)
+    count, rim = len(disk.vertices), len(disk.boundary)
     say(f"{out}: {count} of {len(closed.vertices)} vertices, boundary of {rim}")
     if filled := int(mask[original].sum()):
         holes = "holes away from the opening are filled"
@@ -84,7 +86,7 @@ def transfer(registration, values, to, nearest, hemisphere, wall, out):
     source = "control" if to == "moving" else "moving"
     given = read_map(values)
     require_side(values, given.side, sides[source], f"the {source} surface")
-    if given.values.dtype.kind in "biu" and not nearest:
+    if given.is_whole and not nearest:
         raise ValueError(
             f"{values}: holds whole numbers, which interpolation would blend into others; add "
             "--nearest to carry them as labels, or save them with a decimal point (as floats) to "
@@ -92,16 +94,19 @@ def transfer(registration, values, to, nearest, hemisphere, wall, out):
         )
     here = numberings[source].on_disk(given.values, values)
     carried = transfer_map(here, z[source], arrays[f"faces_{source}"], z[to], nearest)
-    carried = Map(carried, hemisphere or sides[to], given.labels if nearest else None, given.names)
+    labels = given.labels if nearest else None
+    carried = Map(carried, hemisphere or sides[to], labels, given.names, given.whole)
     count = write_carried(out, carried, numberings[to], wall)
     on_cortex = f", {len(z[to])} on its cortex" if count > len(z[to]) else ""
     say(f"{out}: {count} values on the {to} surface{on_cortex}")
+    if given.may_be_labels and not nearest:
+        say(f"{values}: whole numbers, carried as numbers; give --nearest if these are labels")
 
 
 def write_carried(out, carried, numbering, wall):
     """Write a `Map` of a disk, for the whole surface if that is known; the number of values."""
     beside = Path(out).with_name("cortex.shape.gii")
-    if wall == "nan" and carried.values.dtype.kind in "biu":
+    if wall == "nan" and carried.is_whole:
         raise ValueError("--wall nan: labels are whole numbers; leave it out")
     if wall == "nan" and not numbering.known:
         raise ValueError(
@@ -112,7 +117,9 @@ def write_carried(out, carried, numbering, wall):
         return numbering.size
     cortex = numbering.on_whole(np.ones(numbering.size, dtype=np.float32), 0)
     require_same(out, beside, cortex)
-    fill = np.nan if wall == "nan" else -1 if -1 in (carried.labels or {}) else 0
+    labels = carried.labels or {}
+    fill = np.nan if wall == "nan" else nothing_key(labels) if labels else 0
+    fill = np.where(carried.whole, fill, 0) if carried.whole else fill
     qc.write_values(out, numbering.on_whole(carried.values, fill), *carried[1:])
     qc.write_values(beside, cortex, carried.side, names=["cortex"])
     return numbering.count

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..registration.features import FOLDS, FeatureError, check_values
 from ..surfaces.surface import Surface, SurfaceError, require_disk, require_outward
+from ..surfaces.units import other_units
 
 # Attributes of synthetic subjects that all of a group share.
 TRAITS = ("hemisphere", "generation")
@@ -63,6 +64,8 @@ def check_subjects(subjects):
             raise TemplateError(
                 f"{name}: {surface!r:.60} is no Surface; read files with read_surface first"
             )
+        for reason in other_units(**{name: surface}):
+            raise SurfaceError(reason)
         try:
             require_disk(surface)
             require_outward(surface)

@@ -9,7 +9,7 @@ from ..plane.bijectivity import BijectivityError
 from ..plane.disk import Disk
 from ..registration.diagnose import disagreeing, strong_distortion, switched_rows
 from ..registration.features import (
-    FOLDS,
+    COMPUTED,
     SCALE,
     FeatureError,
     Features,
@@ -21,12 +21,9 @@ from ..registration.fit import fit_with_fallbacks
 from ..registration.multiresolution import LEVELS
 from ..registration.problem import Problem
 from ..surfaces.conformal import apply_mobius, parameterize, repair_folds
-from ..surfaces.curvature import mean_curvature, sulcal_depth
 
 # Of the features that are compared.
-# Of the features that are compared.
 SCALES = sorted({level.sigma for level in LEVELS if level.sigma} | {SCALE})
-COMPUTED = dict(zip(FOLDS, (sulcal_depth, mean_curvature)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from nibabel import gifti as nib
 from nibabel.gifti import GiftiCoordSystem, GiftiImage, GiftiMetaData
 
 from ..surfaces.surface import SurfaceError
-from .annotations import NONE
+from .annotations import NONE, is_nothing
 from .frames import ANATOMICAL, SHAPES, TKR, Frame, kind_of_name, side_of_name, sound_volume
 from .safe import FormatError, allowance
 
@@ -25,11 +25,11 @@ _VOLUME = {
     "volume": ("Width", "Height", "Depth"), "voxelsize": ("Xsize", "Ysize", "Zsize"),
     **{f"{axis}ras": tuple(f"{axis.upper()}_{letter}" for letter in "RAS") for axis in "xyzc"},
 }  # fmt: skip
-# Names of what is no region.
-_NOTHING = r"(?i)|\?\?\?|none|unknown|unassigned|background|medial[ _]?wall"
 # Of a disk, what an npz has as arrays.
 _TABLE = "QclearnOriginalVertices"
 _COUNT = "QclearnWholeVertices"
+_NODE_INDEX = nibabel.nifti1.intent_codes["NIFTI_INTENT_NODE_INDEX"]
+_LABEL = nibabel.nifti1.intent_codes["NIFTI_INTENT_LABEL"]
 _MOST_LABELS = 4096  # whole numbers of more values than that are no regions
 
 
@@ -136,14 +136,55 @@ def _table_of(meta, size):
     return np.frombuffer(packed, "<i4").astype(np.int64).cumsum()
 
 
+def maps_of(image):
+    """The arrays of a map's image that are no NODE_INDEX."""
+    return [array for array in image.darrays if array.intent != _NODE_INDEX]
+
+
 def values_of(image):
-    """Values (V,) or, of several arrays, (V, k) of a map's image."""
-    arrays = [array.data for array in image.darrays]
+    """Values (V,) or, of several arrays, (V, k) of a map's image, in the order of the vertices; and
+    which of the k hold whole numbers where some do and others do not, else None."""
+    labels = labels_of(image)
+    named = any(key not in (-1, 0) or not is_nothing(key, labels) for key in labels)
+    arrays = [_as_labels(array, named) for array in maps_of(image)]
     meshes = map(image.get_arrays_from_intent, ("NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE"))
     if any(meshes) or not arrays or len({array.shape for array in arrays}) > 1:
         advice = "give a .func.gii, .shape.gii or .label.gii"
         raise SurfaceError(f"holds no maps of one value a vertex; {advice}")
-    return arrays[0] if len(arrays) == 1 else np.stack(arrays, axis=-1)
+    whole = [array.dtype.kind != "f" for array in arrays]
+    values = arrays[0] if len(arrays) == 1 else np.stack(arrays, axis=-1)
+    for array in image.get_arrays_from_intent(_NODE_INDEX):
+        values = _placed(values, np.ravel(array.data))
+    return values, whole if len(set(whole)) > 1 else None
+
+
+def _as_labels(array, named):
+    """An array's data, without sides of 1; labels (by the intent, or whole numbers with a table
+    that names regions) as integers where they are stored as floats."""
+    data = np.atleast_1d(np.squeeze(array.data))
+    if data.dtype.kind != "f":
+        return data
+    odd = data % 1 != 0  # also NaN and infinite
+    if array.intent != _LABEL and not (named and not odd[np.isfinite(data)].any()):
+        return data
+    if odd.any():
+        value, vertex = data[odd][0], np.argwhere(odd)[0][0]
+        message = f"holds labels, but {value} at vertex {vertex}, no whole number"
+        raise SurfaceError(f"{message}, as at {odd.sum()} places; give 0 to what is none")
+    return data.astype(np.int32)
+
+
+def _placed(values, index):
+    """Values (n, ...) in the order of the vertices from that of their numbers `index` (n,)."""
+    if not np.array_equal(np.sort(index), np.arange(len(values))):
+        raise SurfaceError(
+            f"gives {len(values)} values to {len(np.unique(index))} vertices from {index.min()} to "
+            f"{index.max()} (NODE_INDEX), not one to each from 0 on; fill the others in: "
+            "ConvertDset -o_gii -pad_to_node LAST -input IN -prefix OUT"
+        )
+    placed = np.empty_like(values)
+    placed[index.astype(np.int64)] = values
+    return placed
 
 
 def labels_of(image):
@@ -225,18 +266,19 @@ def _array(data, intent, meta, **more):
     return nib.GiftiDataArray(data, intent=intent, meta=GiftiMetaData(meta), **more)
 
 
-def values_bytes(values, side=None, labels=None, names=None):
-    """The bytes of named maps (V,) or (V, k), float32 or int32; int32 with `labels` are labels."""
+def values_bytes(columns, side=None, labels=None, names=None):
+    """The bytes of named maps, k of (V,), float32 or int32; int32 with `labels` are labels."""
     meta = GiftiMetaData(_structure(side))
-    intent = "NIFTI_INTENT_SHAPE" if values.dtype.kind == "f" else "NIFTI_INTENT_NONE"
     table = nib.GiftiLabelTable()
+    whole = "NIFTI_INTENT_NONE"
     if labels:
-        values, labels = _from_zero(values, labels)
-        intent = "NIFTI_INTENT_LABEL"
-        table.labels = [_label(key, *entry) for key, entry in sorted(labels.items())]
-    columns = values.reshape(len(values), -1).T
+        raised, entries = _from_zero(labels)
+        columns = [raised(column) if column.dtype.kind == "i" else column for column in columns]
+        whole = "NIFTI_INTENT_LABEL"
+        table.labels = [_label(key, *entry) for key, entry in sorted(entries.items())]
     named = [{"Name": name} for name in names] if names else [{}] * len(columns)
-    arrays = [_array(column, intent, own) for column, own in zip(columns, named)]
+    intents = {"f": "NIFTI_INTENT_SHAPE", "i": whole}
+    arrays = [_array(one, intents[one.dtype.kind], own) for one, own in zip(columns, named)]
     return GiftiImage(meta=meta, labeltable=table, darrays=arrays).to_bytes()
 
 
@@ -251,18 +293,19 @@ def table_of(values, known=None):
     return table | {key: NONE for key in keys if key in (-1, 0)} | (known or {})
 
 
-def _from_zero(values, table):
-    """The same labels without key -1: it becomes 0; where 0 is a region, all are raised by one."""
+def _from_zero(table):
+    """What takes keys to those of a table without key -1, which becomes 0, and that table; where 0
+    is a region, all are raised by one."""
     if min(table) < -1:
         message = "keys below 0 are not allowed in a .label.gii"
         raise SurfaceError(f"label {min(table)}: {message}; number them from 1")
     if min(table) >= 0:
-        return values, table
-    name, colour = table.get(0, NONE)
-    if colour[3] == 0 or re.fullmatch(_NOTHING, name):
+        return lambda keys: keys, table
+    if 0 not in table or is_nothing(0, table):
+        name, colour = table.get(0, NONE)
         regions = {key: entry for key, entry in table.items() if key > 0}
-        return np.maximum(values, 0), {0: (name, (*colour[:3], 0.0)), **regions}
-    return values + 1, {key + 1: entry for key, entry in table.items()}
+        return lambda keys: np.maximum(keys, 0), {0: (name, (*colour[:3], 0.0)), **regions}
+    return lambda keys: keys + 1, {key + 1: entry for key, entry in table.items()}
 
 
 def _label(key, name, colour):
@@ -273,7 +316,7 @@ def _label(key, name, colour):
 
 def names_of(path, values):
     """Names of the maps (V,) or (V, k) of a file after that of the file."""
-    name = re.sub(r"(\.(shape|func|label))?\.gii(\.gz)?$", "", path.name)
+    name = re.sub(r"(\.(shape|func|label))?\.gii(\.gz|\.dset)?$", "", path.name)
     if values.ndim == 1:
         return [name]
     return [f"{name} {number}" for number in range(1, values.shape[1] + 1)]

@@ -1,5 +1,6 @@
 """A hemisphere as commands take it: a file or fsaverage5, whole or cut open."""
 
+import contextlib
 import re
 from dataclasses import dataclass, replace
 
@@ -7,10 +8,10 @@ import numpy as np
 
 from ..surfaces.checks import components
 from ..surfaces.opening import open_surface
-from ..surfaces.surface import Surface, SurfaceError, require_outward
+from ..surfaces.surface import Mesh, Surface, SurfaceError, require_outward
 from .frames import Frame
 from .fsaverage import fsaverage5, whole_fsaverage5
-from .meshes import frame_of, read_surface
+from .meshes import frame_of, read_mesh, surface_of
 from .values import read_mask
 
 NAMED = re.compile("fsaverage5:(left|right)")
@@ -47,6 +48,16 @@ class Numbering:
             whole = f", {self.count} before it was cut open"
         message = f"{len(values)} values for {self.size} vertices of the surface they come from"
         advice = "give the file that belongs to this surface"
+        count = self.count or self.size
+        if values.ndim == 2 and values.shape[1] in (self.size, count):
+            advice = "its rows seem to be maps: transpose it"
+        elif len(values) == 2 * count:
+            advice = "it seems to be of both hemispheres: give this one's half"
+        elif count / 2 < len(values) < count:
+            advice += (
+                " (values of the cortex without its wall: put them at its vertices in a whole "
+            )
+            advice += "map, whole[cortex] = values; those of CIFTI: wb_command -cifti-separate)"
         raise SurfaceError(f"{name}: {message}{whole}; {advice}")
 
     def on_whole(self, values, wall):
@@ -69,7 +80,7 @@ class Hemisphere:
     the whole surface's faces if known."""
 
     path: str
-    given: Surface
+    given: Surface | Mesh
     disk: Surface
     frame: Frame
 
@@ -89,12 +100,12 @@ class Hemisphere:
         return replace(self, given=self.disk)
 
 
-def read_hemisphere(path, cortex=None):
+def read_hemisphere(path, cortex=None, units="mm", merge=False):
     """The `Hemisphere` of a surface's file, or of the name fsaverage5:left or fsaverage5:right.
 
     cortex: a file that names the vertices of a whole surface to keep (lh.cortex.label, thickness);
     SurfaceError where it is in pieces or has holes, of a surface that is open, or of the other
-    hemisphere.
+    hemisphere. units, merge: as of `read_surface`.
     """
     if named := NAMED.fullmatch(str(path)):
         if cortex is not None:
@@ -102,35 +113,50 @@ def read_hemisphere(path, cortex=None):
             raise SurfaceError(f"{cortex}: {message}; leave the label out")
         whole, disk = (make(named[1], "pial") for make in (whole_fsaverage5, fsaverage5))
         return Hemisphere(path, whole, disk, frame_of_whole(Frame(named[1], kind="Pial"), whole))
-    surface = read_surface(path)
+    mesh = read_mesh(path, units, merge)
     frame = frame_of(path)
+    unused = mesh.used() is not mesh
+    if unused:  # the numbers are this file's, not those of an older whole surface
+        mesh = mesh._replace(original_vertices=None)
     if cortex is None:
-        return Hemisphere(path, surface, surface, frame)
-    if surface.boundary_loops:
+        disk = surface_of(path, mesh)
+        whole = (mesh, disk, frame_of_whole(frame, mesh)) if unused else (disk, disk, frame)
+        return Hemisphere(path, *whole)
+    with contextlib.suppress(SurfaceError):  # what is cut away may have faults
+        mesh = mesh if unused else surface_of(path, mesh)
+    if isinstance(mesh, Surface) and mesh.boundary_loops:
         advice = "leave the label out, or give the whole surface"
         raise SurfaceError(f"{cortex}: {path} is open already; {advice}")
     require_side(cortex, frame_of(cortex).side, frame.side, path)
-    return Hemisphere(path, surface, cut_out(surface, cortex), frame_of_whole(frame, surface))
+    return Hemisphere(path, mesh, cut_out(path, mesh, cortex), frame_of_whole(frame, mesh))
 
 
-def cut_out(surface, cortex):
+def opened(path, mesh, mask):
+    """`open_surface` of a file's mesh, which must look outward; a SurfaceError names the file."""
+    try:
+        disk, table = open_surface(mesh, mask)
+        require_outward(disk)
+        return disk, table
+    except SurfaceError as error:
+        raise SurfaceError(f"{path}: {error}") from None
+
+
+def cut_out(path, mesh, cortex):
     """The disk that a file names in a whole surface; SurfaceError unless it is in one piece."""
-    require_outward(surface)
-    wall = read_mask(cortex, surface, keep=True)
-    disk, table = open_surface(surface, wall)
-    _, piece = components(len(wall), surface.edges[~wall[surface.edges].any(axis=1)])
-    size = (~wall).sum()
-    apart = size - np.bincount(piece[~wall]).max()
+    wall = read_mask(cortex, mesh, keep=True)
+    disk, table = opened(path, mesh, wall)
+    sides = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    _, piece = components(len(wall), sides[~wall[sides].any(axis=1)])
+    left = ~wall & (np.bincount(mesh.faces.ravel(), minlength=len(wall)) > 0)
+    apart = left.sum() - np.bincount(piece[left]).max()
     filled = wall[table].sum()
-    advice = "repair the label, or cut with `qclearn open`, which"
     if apart > LOOSE * len(table):
-        raise SurfaceError(
-            f"{cortex}: is in pieces: {apart} of its {size} vertices lie apart; {advice} keeps "
-            "the largest alone"
-        )
+        message = f"is in pieces: {apart} of its {left.sum()} vertices lie apart"
+        raise SurfaceError(f"{cortex}: {message}; repair the label")
     if filled > LOOSE * len(table):
         raise SurfaceError(
-            f"{cortex}: has holes of {filled} vertices beside the medial wall; {advice} fills them"
+            f"{cortex}: has holes of {filled} vertices beside the medial wall; repair the label, "
+            "or cut with `qclearn open`, which fills them"
         )
     return disk
 

@@ -12,12 +12,11 @@ import numpy as np
 from jaxtyping import Integer
 from numpy import ndarray
 
-from ..surfaces.surface import Surface, SurfaceError
-from . import gifti, meshformats, safe
+from ..surfaces.surface import Mesh, Surface, SurfaceError
+from ..surfaces.units import UNITS, size_of
+from . import foreign, gifti, meshformats, safe
 from .frames import TKR, Frame, frame_of_text, kind_of_name, side_of_name, sound_volume
 
-_FREESURFER_TRIANGLES = b"\xff\xff\xfe"
-_FREESURFER_QUADS = (b"\xff\xff\xff", b"\xff\xff\xfd")
 _FREESURFER_SUFFIXES = (
     "", ".pial", ".white", ".inflated", ".sphere", ".reg", ".orig", ".nofix", ".smoothwm",
     ".midthickness", ".graymid",
@@ -33,36 +32,66 @@ class SlitWarning(UserWarning):
     """Merging the points of an STL file left a slit: neighbours that do not quite meet."""
 
 
-def read_surface(path: str | Path) -> Surface:
-    """Surface from a file: .npz (vertices, faces, curve_<name>), .gii (also gzipped), .ply, .obj,
-    .off, .stl, .vtk, .vtp, or FreeSurfer's binary triangles, known by their content under any other
-    name (lh.pial, rh.white).
+def read_surface(path: str | Path, units: str = "mm", merge: bool = False) -> Surface:
+    """Surface from a file: .npz (vertices, faces, curve_<name>), .gii (also gzipped), .ply, .obj
+    (Wavefront's, or MNI's as CIVET writes it), .off, .stl, .vtk, .vtp, or FreeSurfer's binary
+    triangles, known by their content under any other name (lh.pial, rh.white).
 
     Coordinates come as stored, without volume geometry or coordinate system. Faces must be
-    triangles; equal points of an STL are merged (SlitWarning where a slit stays). SurfaceError,
+    triangles; equal points of an STL are merged (SlitWarning where a slit stays). Vertices in no
+    face are dropped; `original_vertices` has the numbers of the others in the file. SurfaceError,
     with the file and the remedy, where it cannot be read, or announces or unpacks to far more than
     its size.
+
+    units: of the file, "mm", "m" or "um": the surface is scaled to mm, unless its length is that of
+    a hemisphere in another of these. merge: give points doubled along a seam the lowest of
+    their numbers.
     """
-    path = Path(path)
-    data = safe.read_bytes(path)
-    suffix = suffix_of(path)
-    if suffix in _READERS:
-        kind, reader = _READERS[suffix]
-    elif data.startswith((_FREESURFER_TRIANGLES, *_FREESURFER_QUADS)):
-        kind, reader = "FreeSurfer surface", _read_freesurfer
-    else:
-        raise SurfaceError(f"{path}: {_unknown_format('nor is the content a FreeSurfer surface')}")
-    with safe.explain(path, kind):
-        arrays = reader(path, data)
+    return surface_of(path, read_mesh(path, units, merge))
+
+
+def surface_of(path, mesh):
+    """The Surface of a file's mesh; a SurfaceError names the file."""
     try:
-        surface = Surface(*arrays)
+        surface = Surface(*mesh.used())
     except SurfaceError as error:
         raise SurfaceError(f"{path}: {error}") from None
     except MemoryError:
         raise safe.out_of_memory(path) from None
-    if suffix == ".stl":
+    if suffix_of(Path(path)) == ".stl":
         _warn_of_slits(path, surface)
     return surface
+
+
+def read_mesh(path, units="mm", merge=False):
+    """The `Mesh` of a file as `read_surface` takes it; SurfaceError where there is none."""
+    if units not in UNITS:
+        raise SurfaceError(f"units = {units!r}: give one of {', '.join(UNITS)}")
+    path = Path(path)
+    foreign.refuse_foreign(path)
+    data = safe.read_bytes(path)
+    suffix = suffix_of(path)
+    if suffix in _READERS:
+        kind, reader = _READERS[suffix]
+    else:
+        kind, reader = "FreeSurfer surface", _read_freesurfer
+        held = foreign.freesurfer_kind(data)
+        if held is None and suffix in (".annot", ".label", ".mgh", ".mgz", ".txt", ".npy"):
+            held = foreign.MAP
+        if held != foreign.SURFACE:
+            held = held or _unknown_format("nor is the content a FreeSurfer surface")
+            raise SurfaceError(f"{path}: {held}")
+    with safe.explain(path, kind):
+        arrays = reader(path, data)
+    try:
+        mesh = Mesh.of(*arrays)
+        if units != "mm" and size_of(mesh)[1] in (units, None):
+            mesh = mesh._replace(vertices=UNITS[units] * mesh.vertices)
+        return mesh.merged() if merge else mesh
+    except SurfaceError as error:
+        raise SurfaceError(f"{path}: {error}") from None
+    except MemoryError:
+        raise safe.out_of_memory(path) from None
 
 
 def frame_of(path):
@@ -75,7 +104,7 @@ def frame_of(path):
             return gifti.frame_of_image(path, gifti.parse(data))
         if suffix_of(path) == ".npz":
             return _frame_of_npz(data, named)
-        if data.startswith(_FREESURFER_TRIANGLES):
+        if foreign.freesurfer_kind(data) == foreign.SURFACE:
             _check_freesurfer(data)
             volume = nibabel.freesurfer.read_geometry(path, read_metadata=True)[2]
             volume = sound_volume(volume) if volume else None
@@ -154,7 +183,9 @@ def is_freesurfer_name(path, suffix):
 
 def suffix_of(path):
     suffixes = [suffix.lower() for suffix in path.suffixes]
-    return ".gii" if suffixes[-2:] == [".gii", ".gz"] else suffixes[-1] if suffixes else ""
+    if suffixes[-2:] in ([".gii", ".gz"], [".gii", ".dset"]):  # .dset: AFNI's
+        return ".gii"
+    return suffixes[-1] if suffixes else ""
 
 
 def _unknown_format(content):
@@ -188,9 +219,6 @@ def _write_npz(path, surface, original_vertices, frame):
 
 
 def _read_freesurfer(path, data):
-    if data.startswith(_FREESURFER_QUADS):
-        message = "holds quadrangles (FreeSurfer's old format)"
-        raise SurfaceError(f"{message}; convert it with mris_convert to triangles")
     _check_freesurfer(data)
     return nibabel.freesurfer.read_geometry(path)
 
@@ -260,8 +288,8 @@ def _warn_of_slits(path, surface):
             vertex = loop[near | torn][0]
             warnings.warn(
                 f"{path}: merging equal points leaves a slit at vertex {vertex} "
-                f"({surface.vertices[vertex].tolist()}); check the file, or close it (pyvista's "
-                "clean, with tolerance)",
+                f"({surface.vertices[vertex].tolist()}); check the file, or close it where it was "
+                "made",
                 SlitWarning,
                 stacklevel=3,
             )

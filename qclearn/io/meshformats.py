@@ -14,6 +14,7 @@ import re
 import numpy as np
 import plyfile
 
+from ..surfaces.surface import SurfaceError
 from .safe import FormatError, require_all
 
 # Lists of these lengths, which it checks, plyfile reads 100 times faster.
@@ -111,10 +112,12 @@ _OBJ_COUNTS = "# qclearn: {} vertices, {} faces"
 
 
 def read_obj(data):
-    """Vertices and faces of an OBJ file.
+    """Vertices and faces of an OBJ file, Wavefront's or MNI's.
 
     Texture and normal indices are skipped, negative indices count backwards.
     """
+    if data[:1] in (b"P", b"L") or (data[:1] == b"p" and b"\0" in data):
+        return _read_mni(data)
     vertices, faces = [], []
     for line in data.splitlines():
         keyword, *texts = line.split() or [b""]
@@ -130,6 +133,26 @@ def read_obj(data):
     require_triangles(np.array([len(face) for face in faces], dtype=int))
     vertices = np.array(vertices, dtype=np.float64).reshape(-1, 3)
     return vertices, np.array(faces, dtype=np.int64).reshape(-1, 3)
+
+
+def _read_mni(data):
+    """Vertices and faces of MNI's .obj as text, which CIVET writes: P, five numbers of the surface's
+    look, the vertices' count, they, their normals, the faces' count, the kind of the colours, these
+    (4 numbers each), the place where each face ends among the corners, and the corners."""
+    words = data.split()
+    if words[0] != b"P":
+        message = "is an .obj of MNI, but not one of polygons as text"
+        raise SurfaceError(f"{message}; save it so, or convert it to .ply or .gii")
+    (n_vertices,) = map(int, words[6:7])
+    require_all("vertex", (len(words) - 7) // 6, n_vertices)
+    vertices = np.array(words[7 : 7 + 3 * n_vertices], dtype=np.float64).reshape(-1, 3)
+    words = words[7 + 6 * n_vertices :]
+    n_faces, kind = map(int, words[:2])
+    words = words[2 + 4 * {0: 1, 1: n_faces, 2: n_vertices}.get(kind, 0) :]
+    require_all("face", len(words), n_faces)
+    require_triangles(np.diff(np.array(words[:n_faces], dtype=np.int64), prepend=0))
+    require_all("corner", len(words) - n_faces, 3 * n_faces, exactly=True)
+    return vertices, np.array(words[n_faces:], dtype=np.int64).reshape(-1, 3)
 
 
 def write_obj(surface):

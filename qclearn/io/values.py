@@ -11,12 +11,11 @@ from jaxtyping import Bool, Real
 from numpy import ndarray
 
 from ..surfaces.surface import Surface, SurfaceError
-from . import annotations, gifti
+from . import annotations, foreign, gifti
 from .frames import side_of_name
 from .meshes import is_freesurfer_name, suffix_of
 from .safe import FormatError, explain, npy_array, read_bytes, require_all, write_whole
 
-_MORPHOMETRY = b"\xff\xff\xff"
 _MAP_SUFFIXES = (
     "", ".thickness", ".curv", ".avg_curv", ".sulc", ".area", ".volume", ".mid", ".pial", ".w-g",
     ".pct",
@@ -25,9 +24,7 @@ _MGH_BYTES = {0: 1, 1: 4, 3: 4, 4: 2}  # of a voxel, by MGH's type
 _FORMATS = ".npy, .txt, .gii (shape, func, label, also gzipped), .mgh, .mgz, .annot or FreeSurfer morphometry"
 # Formats that are known and not read or written here: what to do instead.
 _REFUSED = {
-    ".nii": "CIFTI holds both hemispheres and volumes at once: take one surface's map out, "
-    "wb_command -cifti-separate IN COLUMN -metric CORTEX_LEFT OUT.func.gii (-label for a "
-    ".dlabel.nii); a volume: mri_vol2surf or wb_command -volume-to-surface-mapping",
+    ".nii": foreign.NIFTI,
     ".label": "a label lists vertices and gives no value to each: `qclearn open --label` takes it",
     ".npz": "an npz holds several arrays: save one as .npy",
 }
@@ -79,13 +76,27 @@ def read_mask(path: str | Path, surface: Surface, keep: bool = False) -> Bool[nd
 class Map(NamedTuple):
     """What a per-vertex file holds: values (V,) or (V, k), and, or None, what it says of them.
 
-    side: "left" or "right"; labels: key -> (name, (r, g, b, a) from 0 to 1); names: of the maps.
+    side: "left" or "right"; labels: key -> (name, (r, g, b, a) from 0 to 1); names: of the maps;
+    whole: which of the k maps hold whole numbers, where others, floats, stand beside them.
     """
 
     values: np.ndarray
     side: str | None = None
     labels: dict | None = None
     names: list | None = None
+    whole: list | None = None
+
+    @property
+    def is_whole(self):
+        """Whether a map is of a type of whole numbers, as labels are."""
+        return self.values.dtype.kind in "biu" or bool(self.whole)
+
+    @property
+    def may_be_labels(self):
+        """Whether a map, of floats, holds whole numbers alone, and several."""
+        columns = self.values.reshape(len(self.values), -1).T
+        sets = [np.unique(column[np.isfinite(column)]) for column in columns]
+        return not self.is_whole and any(len(one) > 1 and not (one % 1).any() for one in sets)
 
 
 def read_label(path):
@@ -101,7 +112,7 @@ def read_values(path: str | Path) -> Values:
     any other name.
 
     Integers stay integers: in .npy, a text without a point, GIFTI's and MGH's integer types, and an
-    annotation (places in its table, -1 for none). SurfaceError, naming the file and the remedy,
+    annotation (indices of its table, -1 for none). SurfaceError, naming the file and the remedy,
     where it cannot be read.
     """
     return read_map(path).values
@@ -111,15 +122,21 @@ def read_map(path):
     """The `Map` of a file that `read_values` reads."""
     path = Path(path)
     suffix = suffix_of(path)
+    foreign.refuse_foreign(path)
     _require_known(path, suffix, "read")
     data = read_bytes(path)
-    if suffix not in _READERS and not data.startswith(_MORPHOMETRY):
-        raise SurfaceError(f"{path}: not read here; convert it to one of {_FORMATS}")
+    if suffix not in _READERS:
+        held = foreign.freesurfer_kind(data)
+        if held != foreign.MAP:
+            held = held or f"not read here; convert it to one of {_FORMATS}"
+            raise SurfaceError(f"{path}: {held}")
     kind, reader = _READERS.get(suffix, ("FreeSurfer morphometry file", _read_morphometry))
     with explain(path, kind):
         result = reader(path, data)
         result = result if isinstance(result, Map) else Map(result, side_of_name(path))
         values = np.asarray(result.values)
+        if values.ndim > 1:  # (V, 1), (1, V), and an MGH's (V, 1, 1, k)
+            values = np.atleast_1d(values.squeeze())
         if values.dtype.kind not in "biuf":
             advice = "save one real number a vertex"
             raise SurfaceError(f"holds {values.dtype}, not real numbers; {advice}")
@@ -131,15 +148,16 @@ def read_map(path):
 
 def _read_gifti(path, data):
     image = gifti.parse(data)
-    names = [array.meta.get("Name", "") for array in image.darrays]
+    names = [array.meta.get("Name", "") for array in gifti.maps_of(image)]
     side = gifti.side_of_image(image) or side_of_name(path)
     labels = gifti.labels_of(image) or None
-    return Map(gifti.values_of(image), side, labels, names if all(names) else None)
+    values, whole = gifti.values_of(image)
+    return Map(values, side, labels, names if all(names) else None, whole)
 
 
 def _read_annot(path, data):
-    labels, table, names = annotations.parts(path, data)
-    return Map(labels, side_of_name(path), annotations.labels_of(table, names))
+    keys, labels = annotations.read(data)
+    return Map(keys, side_of_name(path), labels)
 
 
 def read_regions(path):
@@ -158,6 +176,7 @@ def write_values(
     side: str | None = None,
     labels: dict | None = None,
     names: list | None = None,
+    whole: list | None = None,
 ) -> None:
     """Write values (V,) or (V, k), whole or not at all, in the format of the path's suffix.
 
@@ -165,6 +184,7 @@ def write_values(
     .annot take (V,) alone. A GIFTI gets the hemisphere, side = "left" or "right" (else by its
     name), names of the k maps (else by its name), and for integers the table `labels`, key ->
     (name, (r, g, b, a) from 0 to 1), as an .annot does. Key -1, none, becomes 0 in a .label.gii.
+    whole: which of k maps of floats a GIFTI holds as integers.
     SurfaceError where format, numbers or folder do not allow it.
     """
     path = Path(path)
@@ -177,12 +197,14 @@ def write_values(
     if suffix == ".gii":
         side = side or side_of_name(path)
         names = names or gifti.names_of(path, values)
-        values = _fitting(path, values)
+        columns = list(_fitting(path, values).reshape(len(values), -1).T)
+        for k in np.flatnonzero(whole or []):
+            columns[k] = _fitting(path, values[:, k].astype(np.int64))
         with explain(path, "label table"):
             is_metric = any(part.lower() in (".func", ".shape") for part in path.suffixes)
-            is_label = values.dtype.kind == "i" and not is_metric
-            table = gifti.table_of(values, labels) if is_label else None
-            data = gifti.zipped(path, gifti.values_bytes(values, side, table, names))
+            keys = [column for column in columns if column.dtype.kind == "i"]
+            table = gifti.table_of(np.stack(keys), labels) if keys and not is_metric else None
+            data = gifti.zipped(path, gifti.values_bytes(columns, side, table, names))
         write_whole(path, lambda place: place.write_bytes(data), len(data))
     elif suffix in (".mgh", ".mgz"):
         voxels = _fitting(path, values).reshape(len(values), 1, 1, *values.shape[1:])
@@ -264,7 +286,7 @@ def _read_mgh(_, data):
     size = _MGH_BYTES.get(header[5])
     if header[0] != 1 or size is None or min(shape) < 1:
         raise FormatError("its header is none of MGH")
-    if sum(side > 1 for side in shape[:3]) > 1:
+    if min(shape[:3]) > 1:  # FreeSurfer folds a long map into (V / 6, 1, 6)
         volume = " x ".join(map(str, shape[:3]))
         raise SurfaceError(f"holds a volume of {volume}, not a map on a surface; use mri_vol2surf")
     require_all("value", (len(data) - 284) // size, math.prod(shape))

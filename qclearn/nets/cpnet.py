@@ -57,9 +57,8 @@ class BestCPNetConfig:
     match: tuple = (0.0, 6.0)  # of gamma / alpha
 
 
-coefficient_mesh_of = lru_cache(maxsize=8)(
-    CoefficientMesh
-)  # of the last few disks that were looked at
+# Of the last few disks that were looked at.
+coefficient_mesh_of = lru_cache(maxsize=8)(CoefficientMesh)
 
 
 class BestCPNet(CoefficientNetwork):

@@ -18,13 +18,8 @@ class PaperLDNetConfig:
 
     preset: str = "paper"
     size: int = 128  # of the image, a power of two
-    widths: tuple[int, ...] = (
-        16,
-        32,
-        64,
-        96,
-        64,
-    )  # channels of convolutions, each halves the image
+    # Channels of convolutions, each of which halves the image.
+    widths: tuple[int, ...] = (16, 32, 64, 96, 64)
     curves: int = 8
     points: int = 10  # on each curve, ends included
     hidden: int = 256  # width of the perceptrons

@@ -176,18 +176,10 @@ def solve_beltrami_disk_log(z: PerVertex, faces: Faces, mu: PerFace) -> PerVerte
 
     source = load(x.real + 1j * y.real)
     source[pole] -= 2 * np.pi
-    u = _held(Dirichlet(matrix, loop), -np.log(abs(L[loop])), source)
+    u = Dirichlet(matrix, loop).solve(-np.log(abs(L[loop])), source)
     # A constant in v is a rotation, which the normalisation removes.
-    v = _held(Dirichlet(matrix, loop[:1]), np.zeros(1), load(x.imag + 1j * y.imag))
+    v = Dirichlet(matrix, loop[:1]).solve(0.0, load(x.imag + 1j * y.imag))
     return solver.normalise(L * np.exp(u + 1j * v))
-
-
-def _held(dirichlet, values, load):
-    """u (V,) with these values at the pins and `K u = load` (V,) at the free vertices."""
-    u = np.empty(len(load))
-    u[dirichlet.pinned] = values
-    u[dirichlet.free] = dirichlet.solve_free(load[dirichlet.free] - dirichlet.coupling @ values)
-    return u
 
 
 def mean_reciprocal(picture):

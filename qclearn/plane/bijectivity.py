@@ -4,7 +4,7 @@ import numpy as np
 from scipy import sparse
 
 from .disk import Certificate, Disk, Faces, PerVertex
-from .linear import Dirichlet, assemble
+from .linear import Dirichlet, assemble, half_angle_squares, opposite_edges
 
 
 class BijectivityError(ValueError):
@@ -41,14 +41,9 @@ def mean_value_matrix(disk, lengths):
     The weights `(tan(a/2) + tan(b/2)) / |e_ij|`, normalised, are positive: where all rows are of
     this kind and the boundary is convex, the map is a bijection (Tutte, Floater).
     """
-    left = np.roll(lengths, -1, axis=1)
-    right = np.roll(lengths, -2, axis=1)
-    # tan(a/2) = sqrt((o^2 - (l - r)^2) / ((l + r)^2 - o^2)); in a sliver rounding can make either
-    # part negative.
-    smallest = 1e-24 * (left + right) ** 2
-    upper = lengths**2 - (left - right) ** 2
-    lower = (left + right) ** 2 - lengths**2
-    half = np.sqrt(np.maximum(upper, smallest) / np.maximum(lower, smallest))
+    upper, lower = half_angle_squares(lengths)
+    smallest = 1e-24 * (lower + lengths**2)
+    half = np.sqrt(np.maximum(upper, smallest) / np.maximum(lower, smallest))  # tan(a/2)
     blocks = np.zeros((len(disk.faces), 3, 3))
     for corner in range(3):
         following, last = (corner + 1) % 3, (corner + 2) % 3
@@ -107,8 +102,7 @@ def unfold(solver, f):
     if not len(picture.flipped):
         return f, np.zeros(0, int), 0
     # Lengths in the metric |dz + mu conj(dz)|.
-    corners = disk.z[disk.faces]
-    sides = np.roll(corners, -1, axis=1) - np.roll(corners, -2, axis=1)
+    sides = opposite_edges(disk.z[disk.faces])
     lengths = abs(sides + solver.mu[:, None] * sides.conj())
     picture, rows, _, rounds = repair(disk.stiffness(solver.mu), picture, lengths)
     return picture.z.copy(), rows, rounds

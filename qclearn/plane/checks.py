@@ -26,8 +26,8 @@ def complex_numbers(values, name):
 
 
 def planar_points(points, name="z"):
-    """Points of the plane as complex128, (P,) or one of them alone, or BeltramiError."""
-    points = complex_numbers(points, name)
+    """Points of the plane as complex128 (P,), also where one stands alone, or BeltramiError."""
+    points = np.atleast_1d(complex_numbers(points, name))
     if points.ndim > 1:
         raise BeltramiError(
             f"{name} has shape {points.shape}: give complex numbers (V,), x + iy, one a point"
@@ -60,14 +60,14 @@ def check_faces(faces, n_vertices=np.inf):
 
 def check_mesh(z, faces):
     """A planar mesh as complex128 (V,) and int64 (F, 3), or BeltramiError."""
-    z = np.atleast_1d(planar_points(z))
+    z = planar_points(z)
     return z, check_faces(faces, len(z))
 
 
 def check_map(f, n_vertices):
     """A map as one number or point a vertex, complex (V,) or real (V, 3), or BeltramiError."""
     surface = np.ndim(f) == 2 and np.shape(f)[1] == 3 and np.asarray(f).dtype.kind in "biuf"
-    f = np.asarray(f, float) if surface else np.atleast_1d(planar_points(f, "f"))
+    f = np.asarray(f, float) if surface else planar_points(f, "f")
     if len(f) != n_vertices:
         raise BeltramiError(
             f"f has shape {f.shape}, but the mesh has {n_vertices} vertices: give one value a "

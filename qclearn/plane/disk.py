@@ -13,7 +13,7 @@ from scipy import sparse
 
 from .checks import BeltramiError, check_coefficient, check_map, check_mesh, planar_points
 from .coefficients import diffuse
-from .linear import assemble, three_a_row
+from .linear import assemble, opposite_edges, three_a_row
 
 PerVertex, PerFace, Faces = Complex[ndarray, " V"], Complex[ndarray, " F"], Integer[ndarray, " F 3"]
 OF_FACES = ("loop", "open_halfedges", "across")  # depend on the faces alone: pictures share them
@@ -83,9 +83,7 @@ class Disk:
                 f"{bad[:5].tolist()}); use a planar mesh without folds, or reverse every face if "
                 "all of them are clockwise"
             )
-        corners = self.z[self.faces]
-        opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
-        return 0.5j * opposite / self.areas[:, None]
+        return 0.5j * opposite_edges(self.z[self.faces]) / self.areas[:, None]
 
     @cached_property
     def centroids(self) -> PerFace:
@@ -137,7 +135,7 @@ class Disk:
     ) -> tuple[Integer[ndarray, " P"], Float[ndarray, " P 3"]]:
         """Where points lie, as `qclearn.locate`: (face, barycentric coordinates, non-negative, sum
         1)."""
-        points = np.atleast_1d(planar_points(points, "points"))
+        points = planar_points(points, "points")
         unknown = np.flatnonzero(~np.isfinite(points))
         if len(unknown):
             raise BeltramiError(
@@ -262,13 +260,11 @@ def read_only(array):
 
 
 def integers(x):
-    """Finite doubles (n,) times the power of two that makes all of them integers, as Python's,
-    object (n,)."""
-    mantissa, exponent = np.frexp(x)
-    mantissa = np.ldexp(mantissa, 53).astype(np.int64)
-    exponent -= exponent.min(initial=0, where=mantissa != 0)  # of 0 it says nothing
-    whole = [m << max(e, 0) for m, e in zip(mantissa.tolist(), exponent.tolist())]
-    return np.array(whole, dtype=object).reshape(len(x))
+    """2^1074 times finite doubles (n,), as Python's integers, object (n,): no double has a larger
+    denominator."""
+    largest = 2**1074
+    ratios = map(float.as_integer_ratio, x.tolist())
+    return np.array([number * (largest // part) for number, part in ratios], dtype=object)
 
 
 def _next(corners):
@@ -370,27 +366,23 @@ class Lookup:
         turns = np.angle(np.roll(edges, -1) / edges)
         return BEYOND if turns.min() >= 0 and turns.sum() < 3 * np.pi else LOST
 
-    @cached_property
-    def _rim(self):
-        """The boundary vertices by angle, and the face at each one's edge to the next."""
+    def _project_radially(self, points):
+        """A boundary face for each of the points (P,), and the points moved onto its chord."""
+        angles = np.angle(self.z[self.disk.loop])
+        order = np.argsort(angles)
+        loop = self.disk.loop[order]
+        k = np.searchsorted(angles[order], np.angle(points), side="right") - 1
+        a = self.z[loop[k]]
+        b = self.z[np.roll(loop, -1)[k]]
         rim = self.disk.open_halfedges  # one begins at each boundary vertex
         face = np.empty(len(self.z), int)
         face[self.faces.ravel()[rim]] = rim // 3
-        loop = self.disk.loop[np.argsort(np.angle(self.z[self.disk.loop]))]
-        return loop, face[loop]
-
-    def _project_radially(self, points):
-        """A boundary face for each of the points (P,), and the points moved onto its chord."""
-        loop, face = self._rim
-        k = np.searchsorted(np.angle(self.z[loop]), np.angle(points), side="right") - 1
-        a = self.z[loop[k]]
-        b = self.z[np.roll(loop, -1)[k]]
         # The ray s p meets the chord a + t (b - a) where Im(conj(b - a)(s p - a)) = 0.
         s = ((b - a).conj() * a).imag / ((b - a).conj() * points).imag
         radius = abs(points)
         gap = 1 - s * radius  # between the chord and the arc: none at a boundary vertex
         inside = np.divide(1 - radius, gap, out=np.zeros_like(gap), where=gap > 0)
-        return face[k], s * (1 - INSET * np.clip(inside, 0, 1)) * points
+        return face[loop[k]], s * (1 - INSET * np.clip(inside, 0, 1)) * points
 
 
 def _edge_distances(corners, points):

@@ -10,7 +10,7 @@ import scipy
 from jaxtyping import Complex, Integer
 from numpy import ndarray
 
-from .disk import Disk
+from .disk import Disk, pairs
 
 POWER = 1.4  # by which the rings of the usual polar meshes crowd towards the centre
 # Rings and spokes: of the mesh of CP-Net's answers, and of their exact maps.
@@ -46,12 +46,11 @@ def square_disk(n: int) -> tuple[Complex[ndarray, " V"], Integer[ndarray, " F 3"
     if n < 2 or n % 2:
         raise ValueError(f"square_disk needs an even number of cells a side, at least 2; got {n}")
     x, y = np.meshgrid(np.linspace(-1, 1, n + 1), np.linspace(-1, 1, n + 1))
-    corner = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
     # Counter-clockwise from the lower left.
-    a = corner
-    b = corner + 1
-    c = corner + n + 2
-    d = corner + n + 1
+    a = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    b = a + 1
+    c = a + n + 2
+    d = a + n + 1
     row, column = np.divmod(np.arange(n * n), n)
     rising = ((row >= n // 2) == (column >= n // 2))[:, None]
     first = np.where(rising, np.stack([a, b, c], 1), np.stack([a, b, d], 1))
@@ -101,7 +100,7 @@ def pixel_centres(size):
 
 def joined(z: Complex[ndarray, " V"]) -> Disk:
     """The `Disk` of points z (V,) in Delaunay's triangles."""
-    faces = scipy.spatial.Delaunay(np.stack([z.real, z.imag], axis=1)).simplices.astype(np.int64)
+    faces = scipy.spatial.Delaunay(pairs(z)).simplices.astype(np.int64)
     return Disk(z, np.where((Disk(z, faces).areas < 0)[:, None], faces[:, ::-1], faces))
 
 

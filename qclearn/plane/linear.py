@@ -86,19 +86,26 @@ class Dirichlet:
             solution[:, nonzero] = self.factors.solve(np.ascontiguousarray(columns[:, nonzero]))
         return solution.view(load.dtype).reshape(load.shape)
 
-    def solve(self, values):
-        """The complex x (V,), values at the pins and (matrix x)_i = 0 at every free vertex."""
-        x = np.empty(self.size, complex)
+    def solve(self, values, load=0.0):
+        """The complex x (V,), values at the pins and `(matrix x)_i = load_i` at every free vertex,
+        for a load (V,) or one number."""
+        x = np.full(self.size, load, complex)
         x[self.pinned] = values
-        x[self.free] = self.solve_free(-(self.coupling @ x[self.pinned]))
+        x[self.free] = self.solve_free(x[self.free] - self.coupling @ x[self.pinned])
         return x
+
+
+def opposite_edges(corners):
+    """The edge opposite each corner, from the next corner to the last, as the corners: in the
+    plane, (F, 3) complex, or space, (F, 3, 3)."""
+    return np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
 
 
 def edge_lengths(corners):
     """Length of the edge opposite each corner, (F, 3), of corners in the plane, (F, 3) complex, or
     space, (F, 3, 3)."""
-    side = np.roll(corners, -1, axis=1) - np.roll(corners, -2, axis=1)
-    return abs(side) if np.iscomplexobj(side) else np.linalg.norm(side, axis=2)
+    edges = opposite_edges(corners)
+    return abs(edges) if np.iscomplexobj(edges) else np.linalg.norm(edges, axis=2)
 
 
 def middles(m):
@@ -110,13 +117,20 @@ def middles(m):
     return np.concatenate([upward, downward]) / m
 
 
-def corner_angles(lengths):
-    """Interior angles (F, 3) in radians from edge lengths opposite the corners (F, 3)."""
+def half_angle_squares(lengths):
+    """Two squares (F, 3) whose ratio is tan(a/2)^2 at the corners, from edge lengths opposite them.
+
+    `o^2 - (l - r)^2` and `(l + r)^2 - o^2`; in a sliver rounding can make either negative.
+    """
     left = np.roll(lengths, -1, axis=1)
     right = np.roll(lengths, -2, axis=1)
+    return lengths**2 - (left - right) ** 2, (left + right) ** 2 - lengths**2
+
+
+def corner_angles(lengths):
+    """Interior angles (F, 3) in radians from edge lengths opposite the corners (F, 3)."""
     # Half-angle form: accurate for slivers, where the law of cosines cancels.
-    upper, lower = lengths**2 - (left - right) ** 2, (left + right) ** 2 - lengths**2
-    return 2 * np.arctan2(np.sqrt(np.maximum(upper, 0)), np.sqrt(np.maximum(lower, 0)))
+    return 2 * np.arctan2(*np.sqrt(np.maximum(half_angle_squares(lengths), 0)))
 
 
 def cotangent_stiffness(
@@ -124,9 +138,7 @@ def cotangent_stiffness(
 ) -> Float[sparse.csc_array, " V V"]:
     """The surface's stiffness matrix, off-diagonal `-(cot a + cot b)/2`: K(mu) of any embedding
     with coefficient mu."""
-    corners = np.asarray(vertices, float)[faces]
-    # Edge k lies opposite corner k.
-    edges = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
+    edges = opposite_edges(np.asarray(vertices, float)[faces])
     area = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     blocks = np.einsum("fia,fja->fij", edges, edges) / (4 * area[:, None, None])
     return assemble(np.asarray(faces), blocks, len(vertices))

@@ -176,7 +176,8 @@ class DiskSolver:
         """The map f (V,) with Beltrami coefficient mu (F,); BeltramiError unless |mu| < 1
         everywhere."""
         self.mu = check_coefficient(mu, len(self.disk.faces))
-        self.free_boundary = self._sensitivities = None  # the last factors make room
+        self.free_boundary = None  # the last factors make room
+        vars(self).pop("sensitivities", None)
         # The calibration is a mesh's first problem, so that the order is the same for every mu.
         calibration = self.calibration
         problem = self._problem(self.mu)
@@ -237,13 +238,11 @@ class DiskSolver:
         grad_raw[at] = direct + origin[:, None] * grad_centre
         return self.free_boundary.pullback(grad_raw, solution)
 
-    @property
+    @cached_property
     def sensitivities(self) -> list[Complex[sparse.sparray, " F V"]]:
         """`sensitivity(x)` of Re f, Im f and U, made once a solution."""
-        if self._sensitivities is None:
-            f, U = self.free_boundary.f, self.free_boundary.U
-            self._sensitivities = [self.sensitivity(x) for x in (f.real, f.imag, U)]
-        return self._sensitivities
+        f, U = self.free_boundary.f, self.free_boundary.U
+        return [self.sensitivity(x) for x in (f.real, f.imag, U)]
 
     def pushforward(self, dmu: Complex[ndarray, " *B F"]) -> Complex[ndarray, " *B V"]:
         """Change of the last f, (V,) or (B, V), with a change of mu, (F,) or (B, F): three real

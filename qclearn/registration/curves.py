@@ -20,7 +20,8 @@ from scipy.sparse.csgraph import dijkstra
 from ..io.frames import TKR
 from ..io.safe import is_plain_name, read_bytes
 from ..surfaces.curvature import mean_curvature, sulcal_depth
-from ..surfaces.surface import Surface, SurfaceError, mirror
+from ..surfaces.surface import Mesh, Surface, SurfaceError
+from ..surfaces.units import UNITS, size_of
 from .problem import LandmarkError
 
 SIDES = {"moving": "control", "control": "moving"}  # each side and the other
@@ -355,8 +356,8 @@ def check_surfaces(stated, moving, control):
 
 
 def _is_one(wanted, surface):
-    own = surface.fingerprint
-    return wanted.items() <= own.items() or wanted.items() <= mirror(surface).fingerprint.items()
+    mirrored = Mesh(surface.vertices * [-1.0, 1.0, 1.0], surface.faces[:, ::-1])
+    return any(wanted.items() <= one.fingerprint.items() for one in (surface, mirrored))
 
 
 def _stated(mark):
@@ -491,15 +492,20 @@ def nearest_vertices(surface, points, space, known):
     over NEAR, which names the space of `known`, a result of `spaces`, in which all are near. space:
     one of them, or None: the file's own."""
     tree = scipy.spatial.cKDTree(surface.vertices)
+    mm = size_of(surface)[2]
     distance, vertices = tree.query(known[space](points) if space else points)
+    distance /= mm
     worst = distance.argmax()
     if distance[worst] > NEAR:
-        near = [one for one, place in known.items() if tree.query(place(points))[0].max() <= NEAR]
-        hint = (
-            f"in {near[0]} coordinates all are near it: --space {near[0]}"
-            if near
-            else "check the coordinates"
-        )
+        hint = "check the coordinates and their unit"
+        near = [
+            one for one, place in known.items() if tree.query(place(points))[0].max() <= NEAR * mm
+        ]
+        units = [unit for unit in UNITS if tree.query(UNITS[unit] * points)[0].max() <= NEAR * mm]
+        if near:
+            hint = f"in {near[0]} coordinates all are near it: --space {near[0]}"
+        elif units:
+            hint = f"in {units[0]} all are near it: give them in mm"
         place = ", ".join(f"{number:g}" for number in points[worst])
         raise LandmarkError(
             f"the point ({place}) is {distance[worst]:.1f} mm from the surface; {hint}"

@@ -19,7 +19,8 @@ from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import SurfaceError
 from .problem import is_finite
 
-FOLDS = ("depth", "curvature")  # the features that a surface has by itself
+COMPUTED = {"depth": sulcal_depth, "curvature": mean_curvature}
+FOLDS = tuple(COMPUTED)  # the features that a surface has by itself
 FINEST = 4.0  # mm, the scale at which features are compared in reports
 
 # Smoothing. Standard deviations to which a map is clipped, before and after it is smoothed, and
@@ -82,14 +83,13 @@ class Smoothing:
     def heat(self, sigma):
         """The values after the heat flow `A u' = -K u` for the time sigma^2 / 2; caches the
         density's."""
-        columns = [clipped(scaled(self.values), self.areas, OUTLIERS)] if len(self.names) else []
+        columns = [clipped(scaled(self.values), self.areas, OUTLIERS)]
         if self.disk is not None:
             columns.append(log_density(self.areas, self.disk)[:, None])
         smooth = self.flow(sigma, self.mass @ np.hstack(columns))
         if self.disk is not None:
             self.densities[sigma] = smooth[:, -1]
-            smooth = smooth[:, :-1]
-        return smooth
+        return smooth[:, : len(self.names)]
 
     def flow(self, sigma, load):
         time = (self.unit * sigma) ** 2 / (2 * HEAT_STEPS)
@@ -188,7 +188,6 @@ class FeaturesAndPlaces(Features):
             standardised(surface.vertices, surface.vertex_areas / surface.area)
             for surface in (moving.surface, control.surface)
         ]
-        self.names = [*features.names, *"xyz"]
         weights = [*(len(features.names) * features.shares), 1, 1, 1]
         self.shares = weights / np.sum(weights)
 
@@ -333,13 +332,15 @@ def check_features(features, moving, control):
 
 
 def _feature(number, given, moving, control):
-    given, weight = given if _has_weight(given) else (given, None)
+    is_pair = isinstance(given, (list, tuple)) and len(given) == 2
+    weighted = is_pair and (isinstance(given[1], str) or not hasattr(given[1], "__len__"))
+    given, weight = given if weighted else (given, None)
     if isinstance(given, str):
         if given not in FOLDS:
             raise FeatureError(
                 f"unknown feature {given!r}: {' and '.join(FOLDS)} are computed, others are arrays"
             )
-        compute = sulcal_depth if given == "depth" else mean_curvature
+        compute = COMPUTED[given]
         given = Feature(given, compute(moving), compute(control))
     elif not isinstance(given, Feature):
         if not isinstance(given, (list, tuple)) or len(given) != 2:
@@ -355,13 +356,6 @@ def _feature(number, given, moving, control):
     moving = check_values(given.moving, f"{given.name}, moving side", moving)
     control = check_values(given.control, f"{given.name}, control side", control)
     return Feature(given.name, moving, control, float(weight))
-
-
-def _has_weight(given):
-    if not (isinstance(given, (list, tuple)) and len(given) == 2):
-        return False
-    number = isinstance(given[1], str) or not hasattr(given[1], "__len__")
-    return number and isinstance(given[0], (str, list, tuple, Feature))
 
 
 def check_values(values, name, surface):

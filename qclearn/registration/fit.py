@@ -110,21 +110,15 @@ def fit_landmarks(
 # On matrices of this size BLAS threads wait for each other: up to five times slower.
 @threadpool_limits.wrap(limits=1)
 def fit_problem(problem, weights, start=None, rings=None, watch=None, enough=0.0):
-    """`fit_landmarks` of a `Problem`, or of the `MultiresolutionFit` of a fitted one, with
-    `Weights`."""
+    """`fit_landmarks` of a `Problem` with `Weights`."""
     if rings is not None and not (isinstance(rings, (int, np.integer)) and rings >= FEWEST_RINGS):
         raise LandmarkError(
             f"rings = {rings!r}: give an integer from {FEWEST_RINGS}, or None to go by the mesh's "
             "size"
         )
-    if isinstance(problem, MultiresolutionFit):
-        multiresolution, problem = problem, problem.problem
-    else:
-        multiresolution = MultiresolutionFit(problem)
-
     # From a coarse polar mesh to the caller's own.
     levels = landmark_levels(problem.disk, rings or rings_for(problem.disk))
-    objective, state, steps = multiresolution.run(
+    objective, state, steps = MultiresolutionFit(problem).run(
         levels, weights, start, watch=watch, enough=enough
     )
     fit = report_fit(objective, state, (sum(steps[:-1]), steps[-1]))
@@ -158,14 +152,9 @@ def fit_registration(
             f"delta = {weights.delta:g}: the features would take no part; give 0.1 to 1"
         )
     levels = feature_levels(problem.disk) if levels is None else levels
-    most = rings_for(problem.disk)
     # Levels of landmarks alone have nothing to do where a start or features lead.
     by_landmarks = start is None and len(problem.moving)
-    levels = [
-        level._replace(rings=min(level.rings, most))
-        for level in levels
-        if level.sigma or by_landmarks
-    ]
+    levels = [level for level in limited(levels, problem.disk) if level.sigma or by_landmarks]
 
     # From coarse features on a coarse mesh to fine ones; without landmarks maybe from two starts.
     multiresolution, begun = MultiresolutionFit(problem), ""
@@ -218,21 +207,28 @@ def better_of_two_starts(multiresolution, guiding, polar, fine, weights, feature
     nothing = np.zeros(len(first.coefficient_mesh.mesh.z), complex)
     coarse = run(guiding, placed, (first, first.at(nothing, parameters)))
     objective, state, steps = run(polar[len(guiding) :], begun=coarse)
-    fits = [run(polar), (objective, state, coarse[2] + steps)]
-    values = [objective.value(state, objective.weights.gamma) for objective, state, _ in fits]
-    best = int(values[1] < values[0])
-    starts = [
-        f"{name} (objective {value:.4g})"
-        for name, value in zip(("features", "features and places"), values)
-    ]
+    fits = {"features": run(polar), "features and places": (objective, state, coarse[2] + steps)}
+    values = {
+        name: objective.value(state, objective.weights.gamma)
+        for name, (objective, state, _) in fits.items()
+    }
+    best, other = sorted(values, key=values.get)
     objective, state, steps = run(fine, begun=fits[best])
-    message = f"by {starts[best]}, not by {starts[1 - best]}"
+    message = (
+        f"by {best} (objective {values[best]:.4g}), not by {other} (objective {values[other]:.4g})"
+    )
     return objective, state, fits[best][2] + steps, message
 
 
 def rings_for(disk):
     """How many rings the polar mesh of nu has for a `Disk`, by its vertices."""
     return int(np.clip(np.sqrt(len(disk.z) / 3), 8, 32))
+
+
+def limited(levels, disk):
+    """Levels with no more rings than `rings_for` a `Disk`."""
+    most = rings_for(disk)
+    return [level._replace(rings=min(level.rings, most)) for level in levels]
 
 
 def exceeds(objective, state, plain):
@@ -336,8 +332,7 @@ def exact_map(problem, mu):
     if result.bijective:
         return result
     f, rows, _ = unfold(solver, mobius(f, *result.mobius))
-    messages = solver_messages(solver, len(rows))
-    return certified(problem, f, result.mobius, messages, len(rows))
+    return certified(problem, f, result.mobius, solver_messages(solver, len(rows)), len(rows))
 
 
 def solver_messages(solver, switched=0):
@@ -355,12 +350,11 @@ def fit_with_fallbacks(problem, weights, start=None, enough=0.0, features=None):
         else:
             fit = fit_registration(problem, tried, features, start)
         if fit.bijective:
-            lowered = {
-                name: getattr(tried, name)
+            messages = [
+                f"{name} lowered to {getattr(tried, name):g}"
                 for name in ("delta", "gamma")
                 if getattr(tried, name) < getattr(weights, name)
-            }
-            messages = [f"{name} lowered to {value:g}" for name, value in lowered.items()]
+            ]
             return fit.with_messages(*messages)
     if len(problem.moving):
         given, last = "landmarks", f"gamma = {tried.gamma:g}"
@@ -384,4 +378,4 @@ def weight_fallbacks(weights, problem, features):
             yield weights
     if len(problem.moving):
         for power in range(1, 5):
-            yield weights.at(weights.gamma / 10**power)
+            yield replace(weights, gamma=weights.gamma / 10**power)

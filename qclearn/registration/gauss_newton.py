@@ -25,7 +25,7 @@ from scipy import sparse
 from ..plane.bijectivity import unfold
 from ..plane.coefficients import bounded_pullback
 from ..plane.linear import factorise
-from ..plane.mobius import compose_mobius, mobius, mobius_fields, mobius_slope
+from ..plane.mobius import best_mobius, compose_mobius, mobius, mobius_fields, mobius_slope
 from ..plane.solver import DiskSolver
 from ..plane.tangent import Tangent
 from .residuals import LandmarkTerm
@@ -134,13 +134,12 @@ class ProductStep:
         self.activation = (along - 1j * across) / 2, (along + 1j * across) / 2
         self.nu = np.concatenate([state.nu.view(float), np.zeros(3)])
         self.residual = objective.residual(state, gamma)
+        # The residuals change by `Re(conj(rows) dw)`, the landmarks' first.
         self.landmarks = objective.landmarks.rows(objective.samples, gamma)
+        terms = [term.rows(state.f) for term in objective.terms]
+        self.rows = sparse.vstack([self.landmarks, *terms]).tocsr()
+        self.rows_conj, self.rows_T = self.rows.conj(), self.rows.T.tocsr()
         self.by_mobius = (self.landmarks.conj() @ self.fields).real
-        self.use(self.landmarks)
-
-    def use(self, rows):
-        """Take the residuals that change by `Re(conj(rows) dw)`."""
-        self.rows_conj, self.rows_T = rows.conj().tocsr(), rows.T.tocsr()
 
     def activated(self, change):
         """`bounded_pullback` of a change (F,) at the state's nu."""
@@ -271,9 +270,7 @@ class PrimalStep(ProductStep):
         self.accuracy = ACCURACY if objective.areas is None else ACCURACY_WITH_AREAS
         if len(state.points):
             self.accuracy /= max(1.0, np.log10(gamma) - 2)
-        surface = sparse.vstack([term.rows(state.f) for term in objective.terms]).tocsr()
-        self.use(sparse.vstack([self.landmarks, surface]))
-        by_mobius = (surface.conj() @ self.fields).real
+        by_mobius = (self.rows_conj[len(self.by_mobius) :] @ self.fields).real
         self.B = MOBIUS_PRIOR * np.eye(3) + by_mobius.T @ by_mobius
         self.B += RELIEF * self.by_mobius.T @ self.by_mobius
         by_nu = np.ascontiguousarray(objective.jacobian(state, gamma)).view(float)
@@ -344,7 +341,7 @@ class Discretization:
 
     def __init__(self, problem, coefficient_mesh, own):
         self.problem, self.coefficient_mesh, self.own = problem, coefficient_mesh, own
-        self.samples = problem.samples if own else coefficient_mesh.disk.sampling(problem.moving)
+        self.samples = coefficient_mesh.disk.sampling(problem.moving)
         self.landmarks = LandmarkTerm(problem.target, problem.curve, problem.sliding)
 
     @cached_property
@@ -411,14 +408,15 @@ class GaussNewtonObjective:
         """The state with nu (N,) and Möbius parameters (a, theta): one solve."""
         solution = copy(self.coefficient_mesh.solver)
         solution.solve(self.coefficient_mesh.coefficient(nu))
-        state = self.state(nu, parameters, solution, mobius(solution.f, *parameters))
+        state = self.state(nu, parameters, solution)
         self.work += 1 + REPAIR_WORK * state.rounds
         return state
 
-    def with_mobius(self, state, parameters):
-        """The state with the same nu and other Möbius parameters: no solve."""
-        f = mobius(state.solution.f, *parameters)
-        return self.state(state.nu, parameters, state.solution, f)
+    def aligned(self, state):
+        """The state with the same nu and the Möbius map that then fits the landmarks best: no
+        solve."""
+        best = best_mobius(self.samples @ state.solution.f, self.problem.target)
+        return self.state(state.nu, best, state.solution)
 
     def at_mobius(self, parameters):
         """The state with nu = 0 and the Möbius map itself at each vertex, repaired where it folds
@@ -430,9 +428,12 @@ class GaussNewtonObjective:
         nu = np.zeros(len(self.coefficient_mesh.mesh.z), complex)
         return self.state(nu, parameters, solution, f)
 
-    def state(self, nu, parameters, solution, f):
-        """The `State` of a map f (V,), repaired where it folds the problem's own mesh."""
+    def state(self, nu, parameters, solution, f=None):
+        """The `State` of the solver's map of nu and the Möbius map after it, or of a map f (V,) in
+        the place of both, repaired where it folds the problem's own mesh."""
         switched, rounds = (), 0
+        if f is None:
+            f = mobius(solution.f, *parameters)
         if self.discretization.own:
             f, switched, rounds = unfold(solution, f)
         return State(nu, parameters, f, self.samples @ f, solution, len(switched), rounds)

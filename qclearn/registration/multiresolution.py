@@ -15,7 +15,6 @@ from ..plane.checks import check_coefficient
 from ..plane.coefficients import unbounded
 from ..plane.grids import polar
 from ..plane.linear import LARGE
-from ..plane.mobius import best_mobius
 from ..plane.tangent import CoefficientMesh
 from .features import FINEST, Smoothing
 from .gauss_newton import MIN_DECREASE, Discretization, GaussNewtonObjective
@@ -53,7 +52,7 @@ class Level(NamedTuple):
 
     rings: of the mesh of nu; sigma: the features' scale (None: landmarks alone); steps: at most;
     own_mesh: map the surface's own mesh; min_predicted_decrease: share of the objective that a step
-    has to promise; stall_ratio: share that it may leave if another follows, 0 for any; share, most:
+    has to promise; stall_ratio: share that it may leave if another follows, inf for any; share, most:
     of gamma; rising: raise gamma to that from FIRST_GAMMA, where nu is 0; proxy_rings: rings of a
     polar mesh that is mapped in the own one's place, with its weights; skip_ratio: take no step
     where the objective is at most so many times that of the level before.
@@ -64,7 +63,7 @@ class Level(NamedTuple):
     steps: int
     own_mesh: bool = False
     min_predicted_decrease: float = MIN_DECREASE_ON_GRID
-    stall_ratio: float = 0.0
+    stall_ratio: float = np.inf
     share: float = 1.0
     most: float = np.inf
     rising: bool = False
@@ -126,7 +125,7 @@ def landmark_levels(disk, rings):
 
 class MultiresolutionFit:
     """The fit of one `Problem` on a sequence of levels, with any weights: caches what no weight
-    changes, for a slider say."""
+    changes."""
 
     def __init__(self, problem):
         self.problem, self.discretizations, self.densities = problem, {}, {}
@@ -220,8 +219,7 @@ class MultiresolutionFit:
         nu = start_field(self.problem.disk, start, objective.coefficient_mesh.mesh)
         state = objective.at(nu, self.problem.mobius)
         if by_features and start is not None and len(self.problem.moving):
-            best = best_mobius(objective.samples @ state.solution.f, self.problem.target)
-            state = objective.with_mobius(state, best)
+            state = objective.aligned(state)
         return state
 
     def carried(self, before, state, objective, start):
@@ -249,7 +247,7 @@ def run_level(objective, state, level, watch=None, enough=0.0):
     gamma = objective.weights.gamma
     low = min(FIRST_GAMMA, gamma) if level.rising and not state.nu.any() else gamma
     gammas = [*10.0 ** np.arange(np.log10(low), np.log10(gamma) - 1e-9), *[gamma] * level.steps]
-    value = objective.value(state, gamma) if level.stall_ratio else None
+    value = objective.value(state, gamma)
     for steps, step_gamma in enumerate(gammas):
         if watch:
             watch()
@@ -262,10 +260,9 @@ def run_level(objective, state, level, watch=None, enough=0.0):
         if after is None and step_gamma == gamma:
             return state, steps
         state = after or state
-        if level.stall_ratio:
-            last, value = value, objective.value(state, gamma)
-            if value > level.stall_ratio * last:
-                return state, steps + 1
+        last, value = value, objective.value(state, gamma)
+        if value > level.stall_ratio * last:
+            return state, steps + 1
     return state, len(gammas)
 
 

@@ -1,6 +1,6 @@
 """What a fit is given, checked once: landmarks of one disk with their targets, and weights."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -42,22 +42,14 @@ class Weights:
 
     def __post_init__(self):
         rule = "alpha and gamma must be positive and finite, beta not negative"
-        for name in ("alpha", "beta", "gamma"):
-            value = getattr(self, name)
-            if not (is_finite(value) and (value > 0 or (value == 0 and name == "beta"))):
-                raise LandmarkError(f"{name} = {value!r}: {rule}")
-        if not (is_finite(self.delta) and self.delta >= 0):
-            raise LandmarkError(
-                f"delta = {self.delta!r}: must be finite and not negative (0.1 to 1 is usual)"
-            )
-        if not (is_finite(self.eta) and self.eta >= 0):
-            raise LandmarkError(
-                f"eta = {self.eta!r}: must be finite and not negative (0: areas are left out)"
-            )
-
-    def at(self, gamma, delta=None):
-        """The same with another gamma, and delta if given."""
-        return replace(self, gamma=gamma, delta=self.delta if delta is None else delta)
+        rules = {
+            "delta": "must be finite and not negative (0.1 to 1 is usual)",
+            "eta": "must be finite and not negative (0: areas are left out)",
+        }
+        for name, value in vars(self).items():
+            positive = name in ("alpha", "gamma")
+            if not (is_finite(value) and (value > 0 if positive else value >= 0)):
+                raise LandmarkError(f"{name} = {value!r}: {rules.get(name, rule)}")
 
     @property
     def factors(self):
@@ -88,8 +80,7 @@ class Problem:
 
     def __post_init__(self):
         landmarks = check_landmarks(self.moving, self.target, self.curve, self.sliding, self.fewest)
-        for name, array in zip(("moving", "target", "curve"), landmarks):
-            object.__setattr__(self, name, array)
+        vars(self).update(zip(("moving", "target", "curve"), landmarks))
 
     @cached_property
     def samples(self):
@@ -103,7 +94,7 @@ class Problem:
         return best_mobius(self.moving, self.target) if len(self.moving) else (0j, 0.0)
 
 
-def check_landmarks(moving, target, curve, sliding, fewest=1):
+def check_landmarks(moving, target, curve, sliding, fewest):
     """Landmarks as complex arrays and curve labels, or LandmarkError."""
     try:
         moving = np.atleast_1d(complex_numbers(moving, "moving landmarks"))

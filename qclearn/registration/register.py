@@ -2,11 +2,8 @@
 out."""
 
 import time
-from collections.abc import Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from types import MappingProxyType
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Complex, Float, Integer
@@ -14,7 +11,8 @@ from numpy import ndarray
 from tqdm import tqdm
 
 from ..surfaces.conformal import parameterize
-from ..surfaces.surface import Surface, require_disk, require_outward
+from ..surfaces.surface import Mesh, Surface, require_disk, require_outward
+from ..surfaces.units import other_units, relative_units
 from .curves import check_curves, held_apart
 from .diagnose import diagnose_landmarks
 from .features import FOLDS, check_features, featured
@@ -38,7 +36,7 @@ STAGES = {"exact": (6, 7), "network": (10, 9)}  # how many run without and with 
 class Registration:
     """Result of `register`.
 
-    points: the moving vertices on the control surface, in its length unit; disk_map: the same in
+    points: the moving vertices on the control surface, in its unit of length; disk_map: the same in
     the control's disk; mu: measured coefficient of disk_moving -> disk_map; report: dict for JSON;
     disk_moving, disk_control: the disk maps; curves: name -> (moving, control) curves in their
     disks, (k,) complex each; uncertainty: the radius, mm, within which nine in ten vertices' true
@@ -57,19 +55,9 @@ class Registration:
     uncertainty: Float[ndarray, " V"] | None = None
 
     @property
-    def surface(self) -> "Unchecked":
+    def surface(self) -> Mesh:
         """The moving surface's faces at the registered points, for `write_surface`."""
-        return Unchecked(self.points, self.faces_moving)
-
-
-class Unchecked(NamedTuple):
-    """A surface without `Surface`'s rules: a face that lands on one edge of the control has no
-    area."""
-
-    vertices: np.ndarray
-    faces: np.ndarray
-    curves: Mapping = MappingProxyType({})
-    original_vertices: np.ndarray | None = None
+        return Mesh(self.points, self.faces_moving)
 
 
 class Stages:
@@ -149,6 +137,9 @@ def register(
     mirrored, exchanged or of another numbering are reported before the fit, and the result is the
     aligned map (`report["stopped"]`).
 
+    Lengths in mm, limits too, are in mm on surfaces in metres and micrometres as well, which are
+    suspect, and relative to the control's length where no hemisphere has it (`report["units"]`).
+
     `report["fallbacks"]` lists what was done besides, `report["suspect"]` why not to trust the
     result (diagnose.py). Errors: SurfaceError, LandmarkError (also for an uncertainty at settings
     in which it was not measured), FeatureError; BijectivityError if no map is bijective at any
@@ -213,8 +204,10 @@ def register(
     with stages("pull_back"):
         points = pair.control.lift(fit.f)
         report = report_of(pair, landmarks, weights, fit, points, regions, against)
-    report["suspect"] = wrong if stopped else [*wrong, *report["suspect"]]
+    units = other_units(moving=moving, control=control)
+    report["suspect"] = [*wrong, *units, *([] if stopped else report["suspect"])]
     report["stopped"] = STOPPED if stopped else None
+    report["units"] = relative_units(control)
     if networks:
         report["fallbacks"] = gamma_messages(networks["cpnet"], weights) + report["fallbacks"]
     report["seconds"] = stages.report()

@@ -9,19 +9,18 @@ import numpy as np
 from ..plane.mobius import mobius
 from ..surfaces.checks import degenerate_faces
 from ..surfaces.surface import SurfaceError
+from ..surfaces.units import size_of
 from .curves import POINTS_PER_CURVE, SIDES, curve_distance, curves_in_space, sample_curve
 from .diagnose import FEWEST, align_by_folds, disagreeing, reasons, worse
 from .metrics import (
+    ERRORS,
     coefficient_statistics,
-    curve_rows,
     distortion_quantiles,
     log2_distortions,
     mean_rows,
 )
 
 NAMELESS = ("", "???", "unknown")  # regions that are none
-# Null in the report where no landmark was given.
-ERRORS = ("landmark_error_before", "landmark_error", "landmark_error_mm")
 
 
 def check_annotations(annotations, *surfaces):
@@ -99,7 +98,7 @@ def dice(pair, regions, *maps):
     return {"before": before, "after": after, "regions": dict(zip(names, rest))}
 
 
-def report_of(pair, landmarks, weights, fit, points, regions=None, against=()):
+def report_of(pair, landmarks, weights, fit, points, regions, against):
     """The report of a registration, a dict for JSON, without method and seconds.
 
     landmarks: the pair's `SampledLandmarks`, whose best Möbius map is the `_before` of everything;
@@ -117,7 +116,7 @@ def report_of(pair, landmarks, weights, fit, points, regions=None, against=()):
         before = features.correlation(landmarks.mobius_map).tolist()
         r = {name: [one, fit.r[name][1]] for name, one in zip(features.names, before)}
     return {
-        **dict.fromkeys(ERRORS),
+        **dict.fromkeys(ERRORS),  # null where no landmark was given
         **mean_rows(rows),
         **coefficient_statistics(fit.mu),
         **log2_distortions(moving, points),
@@ -153,8 +152,9 @@ def feature_messages(pair, landmarks):
 
 
 def error_rows(pair, landmarks, f):
-    """`curve_rows` of the map f (V,) and `SampledLandmarks` of a pair; for a detected curve also
-    `landmark_error_true`, between the true curves, where the surfaces carry them."""
+    """Per curve, dict: its name and the means of its landmarks' ERRORS, for the map f (V,) and
+    `SampledLandmarks` of a pair; for a detected curve also `landmark_error_true`, between the true
+    curves, where the surfaces carry them."""
     if not pair.curves:
         return []
     moving = pair.moving
@@ -164,8 +164,12 @@ def error_rows(pair, landmarks, f):
     q = there @ control.disk.z
     before = abs(mobius(here @ moving.disk.z, *landmarks.mobius) - q)
     off_mm = np.linalg.norm(control.lift(mapped) - there @ control.surface.vertices, axis=1)
-    rows = curve_rows([curve.name for curve in pair.curves], before, abs(mapped - q), off_mm)
-    for row, curve in zip(rows, pair.curves):
+    off_mm /= size_of(control.surface)[2]
+    rows = []
+    by_curve = np.reshape([before, abs(mapped - q), off_mm], (3, len(pair.curves), -1)).mean(2)
+    for curve, errors in zip(pair.curves, by_curve.T.tolist()):
+        row = {"name": curve.name, **dict(zip(ERRORS, errors))}
+        rows.append(row)
         true_p = true_path(moving.surface, curve, "moving")
         true_q = true_path(control.surface, curve, "control")
         if any(curve.detect.values()) and true_p is not None and true_q is not None:
@@ -198,7 +202,8 @@ def held_out_distances(pair, lines, *maps):
     samples = pair.moving.disk.sampling(np.concatenate(moving))
     targets = curves_in_space(pair.control, control)
     images = [curves_in_space(pair.control, np.split(samples @ f, stops)) for f in maps]
+    mm = size_of(pair.control.surface)[2]
     return {
-        name: [float(curve_distance(curve, target)) for curve in curves]
+        name: [float(curve_distance(curve, target) / mm) for curve in curves]
         for name, target, curves in zip(lines, targets, zip(*images))
     }

@@ -54,11 +54,6 @@ def untangled(
     p = stored(vertices)
     moved = np.zeros(len(vertices), bool)
     rng = np.random.default_rng(0)
-    # The faces around each vertex.
-    owners = np.repeat(np.arange(len(faces)), 3)
-    stars = sparse.csr_array(
-        (np.ones(faces.size, np.int8), (faces.ravel(), owners)), shape=(len(p), len(faces))
-    )
     bad = np.flatnonzero(too_small(p, faces))
     for turn in range(ROUNDS):
         if not len(bad):
@@ -67,7 +62,7 @@ def untangled(
         near = bad
         for _ in range(2 + turn // PATIENCE):
             active = np.unique(faces[near])
-            near = np.unique(stars[active].indices)
+            near = np.flatnonzero(np.isin(faces, active).any(1))
         if turn % EASE == EASE - 1:
             soft = active[rank[active] < SOFT]
             p[soft] = stored(neighbour_sums(p, faces[near])[soft])
@@ -110,10 +105,8 @@ def doubled_areas(p, faces):
 
 def neighbour_sums(p, faces):
     """The sum of the neighbours of each vertex, (V, 3), each as often as faces join the two."""
-    total = np.zeros_like(p)
-    for k in range(3):
-        np.add.at(total, faces[:, k], p[faces[:, k - 1]] + p[faces[:, k - 2]])
-    return total
+    others = assemble(faces, np.broadcast_to(1 - np.eye(3), (len(faces), 3, 3)), len(p))
+    return others @ p
 
 
 def least_moves(p, faces, active, rank, steps):

@@ -9,8 +9,9 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 
 from ..io.fsaverage import fsaverage5, named_sulci
 from ..plane.disk import Disk
-from ..surfaces.checks import counted
+from ..surfaces.checks import counted, norms
 from ..surfaces.conformal import parameterize
+from ..surfaces.units import size_of
 from .curves import (
     SAMPLES,
     curve_distance,
@@ -93,7 +94,8 @@ def ends_apart(pair, path, target):
     path's: as both paths run, and with one of them reversed."""
     here = pair.control.lift(pair.moving.disk.z[path[[0, -1]]])
     there = pair.control.surface.vertices[target[[0, -1]]]
-    return tuple(float(np.linalg.norm(here - one, axis=1).mean()) for one in (there, there[::-1]))
+    mm = size_of(pair.control.surface)[2]
+    return tuple(norms(here - one).mean() / mm for one in (there, there[::-1]))
 
 
 class Carried(NamedTuple):
@@ -144,5 +146,5 @@ def carried(surface, hemisphere=None):
         fundus = fundus_path(surface, *ends[name], metric)
         line = sample_curve(template, path, SAMPLES) @ run.points
         target = sample_curve(surface, fundus, SAMPLES) @ surface.vertices
-        off[name] = float(curve_distance(line, target))
+        off[name] = float(curve_distance(line, target) / size_of(surface)[2])
     return Carried(ends, off, hemisphere)

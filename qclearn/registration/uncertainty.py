@@ -13,11 +13,12 @@ from importlib.resources import files
 from typing import NamedTuple
 
 import numpy as np
-from scipy import linalg, sparse
+from scipy import linalg
 
+from ..surfaces.units import size_of
 from .diagnose import with_folds
 from .features import FINEST, FOLDS
-from .fit import rings_for
+from .fit import limited
 from .gauss_newton import MOBIUS_PRIOR, ProductStep
 from .metrics import quantile
 from .multiresolution import LEVELS, Level, MultiresolutionFit, start_field
@@ -67,21 +68,19 @@ class Laplace:
         self.mesh = objective.coefficient_mesh.mesh
         self.state = objective.at(start_field(problem.disk, mu, self.mesh), mobius)
         step = ProductStep(objective, self.state, weights.gamma)
-        terms = [term.rows(self.state.f) for term in objective.terms]
-        rows = sparse.vstack([step.landmarks, *terms]).tocsr()
         self.G = self.derivative(step)
-        self.H = self.hessian(objective.W.toarray(), rows)
-        self.noise = max(len(problem.moving) + 1, 1) / weights.gamma
+        self.H = self.hessian(objective.W.toarray(), step.rows)
+        self.noise = (len(problem.moving) + 1) / weights.gamma
 
     def derivative(self, step):
         """G, by the pushforward of every unit change."""
-        count, (P, Q), to_faces = 2 * len(self.mesh.z), step.activation, step.to_faces.tocsc()
+        count, to_faces = 2 * len(self.mesh.z), step.to_faces.tocsc()
         G = np.empty((len(self.mesh.z), count + 3), complex)
         for first in range(0, count, BATCH):
             k = np.arange(first, min(first + BATCH, count))
             unit = to_faces[:, k // 2].toarray() * np.where(k % 2, 1j, 1.0)
-            change = P[:, None] * unit + Q[:, None] * unit.conj()
-            G[:, k] = step.slope[:, None] * self.state.solution.pushforward(change.T).T
+            df = self.state.solution.pushforward(step.activated(unit.T))
+            G[:, k] = (step.slope * df).T
         G[:, count:] = step.fields
         return G
 
@@ -130,6 +129,7 @@ def uncertainty_of(pair, problem, weights, fit):
     density = control.features.density(FINEST, control.disk)
     scale = np.exp(control.disk.interpolate(density, places) / 2)
     scale *= np.sqrt(control.surface.area / control.disk.areas.sum())
+    scale /= size_of(control.surface)[2]
 
     # The local mismatch of the features.
     here, there = folded.features.at(FINEST)
@@ -171,10 +171,7 @@ def blurred(smoothing, values):
 
 def stiffer(problem, weights, features):
     """Where a stiffer fit on the polar levels alone takes the vertices, (V,) complex."""
-    most = rings_for(problem.disk)
-    levels = [
-        level._replace(rings=min(level.rings, most)) for level in LEVELS if not level.own_mesh
-    ]
+    levels = [level for level in limited(LEVELS, problem.disk) if not level.own_mesh]
     weights = replace(weights, beta=STIFFER * weights.beta)
     objective, state, _ = MultiresolutionFit(problem).run(levels, weights, None, features)
     return objective.coefficient_mesh.disk.sampling(problem.disk.z) @ state.f

@@ -1,12 +1,15 @@
 """Checks of a surface: each SurfaceError names the indices of what is wrong, and the remedy."""
 
 import numpy as np
+import scipy
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from ..plane.checks import SurfaceError
 
 LARGEST = 1e60  # of a coordinate: a squared area, its fourth power, is still a number
+ONE_PLACE = 1e-10  # of the boundary's length: points that near to each other lie in one place
+LOOSE = 0.01  # of the vertices that a cut leaves may lie apart
 
 
 def frozen(array):
@@ -42,8 +45,8 @@ def origins(numbers, n_vertices):
     return frozen(numbers.astype(np.int64))
 
 
-def vertex_array(vertices):
-    """Vertices as read-only float64 (V, 3), finite and at most LARGEST."""
+def vertex_array(vertices, finite=True):
+    """Vertices as read-only float64 (V, 3), if `finite` so and at most LARGEST."""
     if np.iscomplexobj(vertices):
         raise SurfaceError(
             "vertices are complex; give a planar mesh as numpy.stack([z.real, z.imag, 0 * z.real], "
@@ -65,11 +68,13 @@ def vertex_array(vertices):
             f"vertices must have the shape (V, 3), not {vertices.shape}; pad planar points with z "
             "= 0"
         )
+    if not finite:
+        return frozen(vertices)
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if bad.size:
         raise SurfaceError(
             f"{counted(bad, 'vertex', 'vertices')} with NaN or infinite coordinates: {some(bad)}. "
-            "Remove them with their faces, or export the surface again"
+            "Cut them away (`qclearn open`, --cortex), or export the surface again"
         )
     far = np.flatnonzero((np.abs(vertices) > LARGEST).any(axis=1))
     if far.size:
@@ -81,8 +86,8 @@ def vertex_array(vertices):
     return frozen(vertices)
 
 
-def face_array(faces):
-    """Faces as read-only int64 (F, 3), at least one."""
+def face_array(faces, n_vertices):
+    """Faces as read-only int64 (F, 3), at least one, with corners in range."""
     faces = np.asarray(faces)
     if faces.ndim != 2 or faces.shape[1] != 3:
         raise SurfaceError(
@@ -94,6 +99,12 @@ def face_array(faces):
         )
     if not len(faces):
         raise SurfaceError("the surface has no faces; give at least one triangle")
+    if faces.min() < 0 or faces.max() >= n_vertices:
+        out = np.flatnonzero(((faces < 0) | (faces >= n_vertices)).any(axis=1))
+        raise SurfaceError(
+            f"{counted(out, 'face')} with corners outside 0 ... {n_vertices - 1}: {some(out)}. "
+            "Indices count from 0 (subtract 1 if the source counts from 1)"
+        )
     return frozen(np.array(faces, dtype=np.int64, order="C"))
 
 
@@ -111,27 +122,22 @@ def curve_path(name, path, n_vertices):
     return frozen(path.astype(np.int64))
 
 
-def check_faces(vertices, faces):
-    """SurfaceError for corners out of range, unused vertices and degenerate faces."""
-    if faces.min() < 0 or faces.max() >= len(vertices):
-        out = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))
-        raise SurfaceError(
-            f"{counted(out, 'face')} with corners outside 0 ... {len(vertices) - 1}: {some(out)}. "
-            "Indices count from 0 (subtract 1 if the source counts from 1)"
-        )
+def check_faces(vertices, faces, torn=False):
+    """SurfaceError for degenerate faces and, unless `torn`, for unused vertices."""
     unused = np.flatnonzero(np.bincount(faces.ravel(), minlength=len(vertices)) == 0)
-    if unused.size:
+    if unused.size and not torn:
         raise SurfaceError(
             f"{counted(unused, 'vertex', 'vertices')} in no face: {some(unused)}. Drop them: used, "
             "corners = numpy.unique(faces, return_inverse=True); Surface(vertices[used], "
-            "corners.reshape(-1, 3))"
+            "corners.reshape(-1, 3), original_vertices=used)"
         )
     degenerate = degenerate_faces(vertices, faces)
     if degenerate.size:
         raise SurfaceError(
             f"{counted(degenerate, 'degenerate face')} (a repeated vertex or zero area): "
-            f"{some(degenerate)}. Merge coincident vertices and collapse these faces "
-            "(pyvista.PolyData.clean does both)"
+            f"{some(degenerate)}. Move a corner of each off the line, or delete those that name a "
+            "vertex twice: the numbers stay. They do not matter where a label cuts them away "
+            "(`qclearn open`, --cortex)"
         )
 
 
@@ -141,7 +147,7 @@ def degenerate_faces(vertices, faces):
     a, b, c = (vertices[corner] for corner in faces.T)
     longest = np.maximum.reduce([norms(b - a), norms(c - b), norms(a - c)])
     repeated = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
-    rounding = 8 * np.finfo(float).eps * np.abs(vertices).max()
+    rounding = 8 * np.finfo(float).eps * np.nanmax(np.abs(vertices))  # NaN: of a torn wall
     return np.flatnonzero(repeated | (norms(np.cross(b - a, c - a)) <= rounding * longest))
 
 
@@ -162,9 +168,11 @@ def _check_duplicates(faces):
         )
 
 
-def check_topology(n_vertices, faces):
+def check_topology(vertices, faces, torn=None):
     """Edges (E, 2), their faces (E, 2), boundary half-edges (B, 2) of a manifold, oriented,
-    connected mesh."""
+    connected mesh without a seam; torn: the vertices (V,) bool that matter of one whose wall is
+    torn off, and that has to be connected but for LOOSE ones."""
+    n_vertices = len(vertices)
     # Half-edge 3 f + k leaves corner k of face f; those of one edge follow each other in `order`.
     tails = faces.ravel()
     heads = np.roll(faces, -1, axis=1).ravel()
@@ -183,7 +191,7 @@ def check_topology(n_vertices, faces):
     if len(crowded):
         raise SurfaceError(
             f"not manifold: {counted(crowded, 'edge')} (vertex pairs) with more than two faces: "
-            f"{some(crowded)}. Delete the extra faces or duplicate the vertices along these edges"
+            f"{some(crowded)}. Delete the extra faces"
         )
     if wrong.any():
         pairs = np.stack([one[wrong] // 3, two[wrong] // 3], axis=1)
@@ -193,23 +201,63 @@ def check_topology(n_vertices, faces):
             "(pyvista.PolyData.compute_normals(consistent_normals=True) does it for a whole "
             "orientable surface)"
         )
-    _check_connected(n_vertices, edges)
-    _check_fans(n_vertices, faces, one, two)
+    single = order[first[count == 1]]
+    boundary = np.stack([tails[single], heads[single]], axis=1)
+    _check_seam(vertices, boundary)
+    _check_connected(n_vertices, edges, torn)
+    if torn is None:
+        _check_fans(n_vertices, faces, one, two)
     edge_faces = np.stack([order[first] // 3, np.full(len(edges), -1)], axis=1)
     edge_faces[count == 2, 1] = two // 3
-    single = order[first[count == 1]]
-    return frozen(edges), frozen(edge_faces), np.stack([tails[single], heads[single]], axis=1)
+    return frozen(edges), frozen(edge_faces), boundary
 
 
-def _check_connected(n_vertices, edges):
-    n_components, label = components(n_vertices, edges)
-    if n_components > 1:
-        sizes = np.bincount(label)
-        firsts = np.unique(label, return_index=True)[1]
-        listed = [f"{sizes[k]} vertices around vertex {firsts[k]}" for k in np.argsort(-sizes)]
+def doubled(vertices, boundary):
+    """Pairs (n, 2) of vertices in one place at the ends of boundary half-edges (B, 2) that lie on
+    each other, one against the other."""
+    boundary = boundary[np.isfinite(vertices[boundary]).all(axis=(1, 2))]
+    if not len(boundary):
+        return boundary
+    ends, corners = np.unique(boundary, return_inverse=True)
+    near = ONE_PLACE * np.ptp(vertices[ends], axis=0).max()
+    pairs = scipy.spatial.cKDTree(vertices[ends]).query_pairs(near, output_type="ndarray")
+    tails, heads = components(len(ends), pairs)[1][corners.reshape(-1, 2)].T
+    keys = tails * len(ends) + heads, heads * len(ends) + tails
+    _, one, other = np.intersect1d(*keys, return_indices=True)
+    pairs = np.stack([boundary[one], boundary[other, ::-1]], axis=-1).reshape(-1, 2)
+    return np.unique(np.sort(pairs[pairs[:, 0] != pairs[:, 1]]), axis=0)
+
+
+def merged_numbers(vertices, faces):
+    """The lowest number (V,) of each vertex and those that `doubled` joins with it."""
+    half_edges = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
+    ends = np.sort(half_edges) @ [len(vertices), 1]
+    _, edge, count = np.unique(ends, return_inverse=True, return_counts=True)
+    _, label = components(len(vertices), doubled(vertices, half_edges[count[edge] == 1]))
+    return np.unique(label, return_index=True)[1][label]
+
+
+def _check_seam(vertices, boundary):
+    pairs = doubled(vertices, boundary)
+    if len(pairs):
         raise SurfaceError(
-            f"the surface has {n_components} components: {some(listed)}. Keep one of them "
-            "(pyvista.PolyData.extract_largest) and drop the rest"
+            f"points doubled along a seam: {counted(pairs, 'pair')} of vertices in one place: "
+            f"{some(pairs)}. Merge them: --merge (library: read_surface(..., merge=True)); the "
+            "others keep their numbers, in original_vertices"
+        )
+
+
+def _check_connected(n_vertices, edges, judged):
+    _, label = components(n_vertices, edges)
+    sizes = np.bincount(label, judged).astype(int)
+    if sizes.sum() - sizes.max() > (0 if judged is None else LOOSE * sizes.sum()):
+        firsts = np.unique(label, return_index=True)[1]
+        order = [k for k in np.argsort(-sizes) if sizes[k]]
+        listed = [f"{sizes[k]} vertices around vertex {firsts[k]}" for k in order]
+        raise SurfaceError(
+            f"the surface has {len(order)} components: {some(listed)}. Give each "
+            "hemisphere in a file of its own, and name the vertices of loose pieces in the mask of "
+            "`qclearn open`: the others keep their numbers"
         )
 
 
@@ -226,8 +274,7 @@ def _check_fans(n_vertices, faces, one, two):
         bad = np.flatnonzero(np.bincount(vertex_of_fan, minlength=n_vertices) > 1)
         raise SurfaceError(
             f"not manifold: {counted(bad, 'vertex', 'vertices')} where several fans of faces meet "
-            f"in a point: {some(bad)}. Duplicate the vertex for each fan, or delete all fans but "
-            "one"
+            f"in a point: {some(bad)}. Duplicate the vertex for each fan, the copies last"
         )
 
 

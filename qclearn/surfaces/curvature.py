@@ -130,23 +130,13 @@ def sulcal_depth(surface: Surface) -> Float[ndarray, " V"]:
     shape = np.ceil((vertices.max(axis=0) + margin - origin) / cell).astype(int)
     # The closing: the filled surface grown by the ball, and shrunk by it.
     body = _filled(surface, origin, cell, shape)
-    dilated = scipy.ndimage.binary_fill_holes(_within(radius, body))
-    inward = scipy.ndimage.distance_transform_edt(~_within(radius, ~dilated))
+    distance = scipy.ndimage.distance_transform_edt  # to the nearest voxel that is False
+    dilated = scipy.ndimage.binary_fill_holes(distance(~body) <= radius)
+    inward = distance(distance(dilated) > radius)
     depth = scipy.ndimage.map_coordinates(inward, ((vertices - origin) / cell).T, order=1)
     # Half a voxel: the distance is to the nearest centre outside, the envelope lies between two
     # centres.
     return cell * np.maximum(depth - 0.5, 0)
-
-
-def _within(radius, mask):
-    """Which voxels have one of the mask within `radius`; periodic, as all or none along the grid's
-    faces are of it."""
-    size = [scipy.fft.next_fast_len(n, real=True) for n in mask.shape]
-    squares = [np.minimum(k, n - k) ** 2 for n, k in zip(size, map(np.arange, size))]
-    ball = squares[0][:, None, None] + squares[1][:, None] + squares[2] <= radius**2
-    waves = (scipy.fft.rfftn(part.astype(np.float32), size) for part in (mask, ball))
-    reached = scipy.fft.irfftn(np.prod(list(waves), axis=0), size)
-    return reached[tuple(map(slice, mask.shape))] > 0.5
 
 
 def _filled(surface, origin, cell, shape):
@@ -252,8 +242,8 @@ def area_under_pixels(surface, z, radius, size=128):
     its centroid falls."""
     points, areas = _samples(surface, z, 8)
     w = radius.to_image(points)
-    column, row = (np.clip(((x + 1) * size / 2).astype(int), 0, size - 1) for x in (w.real, w.imag))
-    return np.bincount(row * size + column, areas, size * size).reshape(size, size)
+    edges = np.linspace(-1, 1, size + 1)
+    return np.histogram2d(w.imag, w.real, [edges, edges], weights=areas)[0]
 
 
 def resolved_share(pixel_areas, largest=25.0):

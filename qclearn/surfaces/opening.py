@@ -1,15 +1,17 @@
 """Cutting a closed hemisphere open along a mask (the medial wall), so that a disk is left."""
 
+from types import SimpleNamespace
+
 import numpy as np
 from jaxtyping import Bool, Integer
 from numpy import ndarray
 
-from .checks import components
-from .surface import Surface, SurfaceError, require_disk
+from .checks import LARGEST, check_faces, check_topology, components, norms, vertex_array
+from .surface import Mesh, Surface, SurfaceError, require_disk
 
 
 def open_surface(
-    surface: Surface, mask: Bool[ndarray, " V"]
+    surface: Surface | tuple, mask: Bool[ndarray, " V"]
 ) -> tuple[Surface, Integer[ndarray, " W"]]:
     """The disk left when the vertices of mask (True = cut) are cut away, and its vertices' indices
     in the input.
@@ -21,11 +23,20 @@ def open_surface(
     are also the disk's `original_vertices`. SurfaceError for a mask of wrong shape, or that cuts
     all, nothing or a curve, or more than half filled, and where no disk with an inner vertex is
     left.
+
+    surface: also a tuple (vertices, faces), whose largest part cut away may have any faults.
     """
+    if not isinstance(surface, Surface):
+        surface = Mesh.of(*surface)
     mask = _checked_mask(surface, mask)
     cut = mask[surface.faces].any(axis=1)
+    if not isinstance(surface, Surface):
+        try:
+            surface = Surface(*surface)
+        except SurfaceError:
+            surface = _without_wall(surface, mask, cut)
     piece = _disk_piece(surface, ~cut)
-    if piece[cut].all():
+    if cut.any() and piece[cut].all():
         raise SurfaceError(
             "the mask only makes holes inside a surface that is open already "
             f"({len(surface.boundary)} boundary vertices from vertex {surface.boundary[0]}); let "
@@ -51,6 +62,28 @@ def open_surface(
             "or give one that cuts less"
         )
     return opened, vertices
+
+
+def _without_wall(mesh, mask, cut):
+    """What `open_surface` needs of a `Mesh` of which the largest gap of the cut faces (F,) is torn
+    off: these have corners of their own, NaN. SurfaceError for faults elsewhere."""
+    count = len(mesh.vertices)
+    points = np.where(abs(mesh.vertices) < LARGEST, mesh.vertices, 0)  # NaN, too
+    a, b, c = (points[corner] for corner in mesh.faces.T)
+    areas = norms(np.cross(b - a, c - a))
+    _, label = components(count, mesh.faces[cut][:, [0, 1, 1, 2]].reshape(-1, 2))
+    gap = label[mesh.faces[:, 0]]
+    wall = cut & (gap == np.bincount(gap, cut * areas).argmax())
+    faces = mesh.faces.copy()
+    faces[wall] = count + np.arange(3 * wall.sum()).reshape(-1, 3)
+    used = np.bincount(faces.ravel(), minlength=count)[:count] > 0
+    vertices = vertex_array(np.where(used[:, None], mesh.vertices, 0))
+    vertices = np.concatenate([vertices, np.full((3 * wall.sum(), 3), np.nan)])
+    check_faces(vertices, faces, torn=True)
+    judged = np.append(used & ~mask, np.zeros(3 * wall.sum(), dtype=bool))
+    edges, edge_faces, _ = check_topology(vertices, faces, judged)
+    part = {"vertices": vertices, "faces": faces, "edges": edges, "edge_faces": edge_faces}
+    return SimpleNamespace(**part, curves=mesh.curves, face_areas=areas)
 
 
 def _checked_mask(surface, mask):

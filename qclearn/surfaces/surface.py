@@ -4,6 +4,8 @@ and cotangent matrix. Then what a method needs of it: a disk, outward faces, its
 import hashlib
 from collections.abc import Mapping
 from functools import cached_property
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Integer
@@ -19,6 +21,7 @@ from .checks import (
     curve_path,
     face_array,
     frozen,
+    merged_numbers,
     norms,
     origins,
     some,
@@ -51,10 +54,10 @@ class Surface:
         original_vertices: Integer[ndarray, " V"] | None = None,
     ):
         self.vertices = vertex_array(vertices)
-        self.faces = face_array(faces)
+        self.faces = face_array(faces, len(self.vertices))
         check_faces(self.vertices, self.faces)
         self.edges, self.edge_faces, self._boundary_halfedges = check_topology(
-            len(self.vertices), self.faces
+            self.vertices, self.faces
         )
         self.curves = {
             name: curve_path(name, path, len(self.vertices))
@@ -164,6 +167,45 @@ class Surface:
             cap = np.stack([centre, np.roll(rim, -1, axis=0), rim], axis=1)
             six_volumes += np.linalg.det(cap).sum()
         return float(six_volumes / 6)
+
+
+class Mesh(NamedTuple):
+    """A mesh without `Surface`'s rules: of a file some of which will be cut away, or a registered
+    one, where a face that lands on one edge of the control has no area."""
+
+    vertices: ndarray
+    faces: ndarray
+    curves: Mapping = MappingProxyType({})
+    original_vertices: ndarray | None = None
+
+    @classmethod
+    def of(cls, vertices, faces, curves=MappingProxyType({}), original_vertices=None):
+        """The mesh of arrays; SurfaceError where shapes, kinds of numbers or corners are wrong."""
+        vertices = vertex_array(vertices, finite=False)
+        curves = {name: curve_path(name, path, len(vertices)) for name, path in curves.items()}
+        return cls(vertices, face_array(faces, len(vertices)), curves, original_vertices)
+
+    fingerprint = property(Surface.fingerprint.func)
+
+    def renumbered(self, numbers):
+        """The mesh whose faces and curves have the numbers (V,) for those of its vertices."""
+        paths = {name: numbers[path] for name, path in self.curves.items()}
+        curves = {name: path[np.diff(path, prepend=-2) != 0] for name, path in paths.items()}
+        return self._replace(faces=numbers[self.faces], curves=curves)
+
+    def merged(self):
+        """The mesh that names of points doubled along a seam the lowest alone."""
+        return self.renumbered(merged_numbers(self.vertices, self.faces))
+
+    def used(self):
+        """The mesh of those vertices that are in faces, with their numbers here."""
+        used = np.bincount(self.faces.ravel(), minlength=len(self.vertices)) > 0
+        if used.all():
+            return self
+        numbers = origins(self.original_vertices, len(used))
+        numbers = np.flatnonzero(used) if numbers is None else numbers[used]
+        mesh = self.renumbered(np.where(used, used.cumsum() - 1, -1))
+        return mesh._replace(vertices=self.vertices[used], original_vertices=numbers)
 
 
 def require_disk(surface: Surface) -> None:

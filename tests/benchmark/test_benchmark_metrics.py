@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from qclearn.plane.disk import Disk
-from qclearn.plane.grids import polar_disk
-from qclearn.registration.metrics import (
+from qclearn.benchmark.measures import (
     coefficient_histogram,
     coefficient_measures,
     correspondence_measures,
@@ -14,6 +12,8 @@ from qclearn.registration.metrics import (
     near_curves,
     paired_difference,
 )
+from qclearn.plane.disk import Disk
+from qclearn.plane.grids import polar_disk
 from qclearn.surfaces.surface import Surface
 
 SQUARE = np.array([0, 2, 2 + 1j, 1j])  # two triangles of area 1 each

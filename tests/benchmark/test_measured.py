@@ -15,7 +15,7 @@ def figures():
 
 
 def test_the_kept_figures_fit_their_schema_and_come_back(figures, tmp_path):
-    assert set(figures) == {"polar", "ldnet", "cpnet", "controls", "dbsnet", "losses", "whole"}
+    assert set(figures) == {"ldnet", "cpnet", "controls", "dbsnet", "losses", "whole"}
     write_measured("networks", tmp_path / "networks.json", figures)
     assert read_measured("networks", tmp_path / "networks.json") == figures
     assert (tmp_path / "networks.json").read_text() == (RESULTS / "networks.json").read_text()
@@ -53,7 +53,7 @@ def test_figures_are_written_as_python_has_them(figures, tmp_path):
         ("dbsnet", "mean_displacement", -0.1, r"\$.dbsnet.mean_displacement"),
         ("ldnet", "all", {"best": 1.0}, r"\$.ldnet.all"),
         ("cpnet", "provenance", {}, r"\$.cpnet.provenance"),
-        ("polar", "speed", 1.0, r"\$.polar"),
+        ("dbsnet", "speed", 1.0, r"\$.dbsnet"),
     ],
 )
 def test_figures_that_do_not_fit_are_refused_where_they_stand(figures, part, key, value, place, tmp_path):
@@ -78,7 +78,7 @@ def test_other_figures_that_lack_something_are_refused(name, key, tmp_path):
 
 
 def test_what_is_no_json_is_refused(tmp_path):
-    (tmp_path / "networks.json").write_text('{"polar": ')
+    (tmp_path / "networks.json").write_text('{"ldnet": ')
     with pytest.raises(
         BenchmarkError, match=r"not a JSON file .*; give a file that `book/studies/evaluate_networks.py` wrote"
     ):

@@ -1,5 +1,4 @@
-"""What a page may not do: a figure without its caption, a caption without its figure, a key kept
-twice."""
+"""What a page may not do: a figure without its caption, a caption without its figure."""
 
 import pytest
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
@@ -31,15 +30,10 @@ def test_a_figure_with_a_file_needs_no_cell():
         ([SHOW, "Text."], "cell 2 (c2): it has to open with the caption of the figure 'fig-a'"),
         (["1", CAPTION], "cell 2 (c2): the caption 'fig-a' does not stand below its figure"),
         ([SHOW + "\nprint(1)", CAPTION], "cell 1 (c1): show_figure(...) has to be its last statement"),
-        ([SHOW, CAPTION, "keep(m=1, n=2)"], "cell 3 (c3): the key 'n' is kept already by cell 1 (c1)"),
     ],
 )
 def test_a_mistake_is_named(cells, says):
     assert any(says in line for line in found(*cells)), found(*cells)
-
-
-def test_a_key_may_be_kept_again_by_its_own_cell():
-    assert found("for n in range(3):\n    keep(n=n)\nkeep(n=4)") == []
 
 
 def test_a_picture_that_nobody_describes_is_named():

@@ -71,6 +71,11 @@ def bases(folder):
     for array in image.darrays:
         array.encoding = 1  # ASCII
     (folder / "ascii.gii").write_bytes(image.to_bytes())
+    points = " ".join(map(str, surface.vertices.ravel().tolist()))
+    corners = " ".join(map(str, surface.faces.ravel()))
+    ends = " ".join(str(3 * k + 3) for k in range(len(surface.faces)))
+    count = f"{len(surface.vertices)}\n{points}\n\n{points}\n\n{len(surface.faces)}\n0 1 1 1 1"
+    (folder / "civet.obj").write_text(f"P 0.3 0.3 0.4 10 1 {count}\n\n{ends}\n\n{corners}\n")
     corners = surface.vertices[surface.faces]
     facets = "".join(
         "facet normal 0 0 1\nouter loop\n"

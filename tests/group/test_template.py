@@ -224,6 +224,7 @@ SOME = list(SURFACES.values())
         (changed(generation=(2, 3)), {}, qc.TemplateError, "more than one generation .subject 1: 2, subject 2: 3."),
         (changed(hemisphere=("left", "right")), {}, qc.TemplateError, "more than one hemisphere"),
         ({"a": SOME[0], "b": Surface(SOME[1].vertices, SOME[1].faces[:, ::-1])}, {}, SurfaceError, "b: .* inward"),
+        ({"a": SOME[0], "b": Surface(SOME[1].vertices / 12, SOME[1].faces)}, {}, SurfaceError, "the b .*--units m"),
         (SOME, {"features": ["sulc"]}, FeatureError, "unknown feature 'sulc': depth and curvature are computed"),
         (SOME, {"features": "depth"}, FeatureError, "give a list of them"),
         (SOME, {"features": ["depth", "depth"]}, FeatureError, "named twice"),

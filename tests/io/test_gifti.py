@@ -216,6 +216,53 @@ def test_several_maps_stay_columns(tmp_path):
     np.testing.assert_array_equal(read_values(tmp_path / "a.func.gii"), maps)
 
 
+def gifti(path, *arrays, keys=()):
+    """A file of arrays, each (data, intent), and a table of the keys."""
+    table = nibabel.gifti.GiftiLabelTable()
+    for key in keys:
+        label = nibabel.gifti.GiftiLabel(key, 1, 0, 0, 1)
+        label.label = f"region {key}" if key else "???"
+        table.labels.append(label)
+    made = [nibabel.gifti.GiftiDataArray(data, f"NIFTI_INTENT_{intent}") for data, intent in arrays]
+    path.write_bytes(nibabel.GiftiImage(darrays=made, labeltable=table).to_bytes())
+    return path
+
+
+@pytest.mark.parametrize("name", ["lh.a.func.gii", "lh.a.gii.dset"])
+def test_node_indices_say_where_values_stand(tmp_path, name):
+    """As in AFNI's maps; they are no map of their own."""
+    index, x = np.array([3, 0, 2, 1], np.int32), np.array([30, 0, 20, 10], np.float32)
+    path = gifti(tmp_path / name, (index, "NODE_INDEX"), (x, "NONE"))
+    np.testing.assert_array_equal(read_values(path), [0, 10, 20, 30])
+    gifti(path, (index, "NODE_INDEX"), (x, "NONE"), ((x / 10).astype(np.int32), "LABEL"), keys=range(4))
+    np.testing.assert_array_equal(read_values(path), np.outer([0, 1, 2, 3], [10, 1]))
+    for bad in ([3, 0, 2, 9], [3, 0, 2, 2], [-1, 0, 2, 1]):
+        gifti(path, (np.array(bad, np.int32), "NODE_INDEX"), (x, "NONE"))
+        with pytest.raises(SurfaceError, match=f"{name}: gives 4 values to .*from {min(bad)} to {max(bad)} .*ConvertD"):
+            read_values(path)
+
+
+WHOLE = np.array([0, 2, 1, 2], np.float32)
+
+
+@pytest.mark.parametrize("intent, keys, values, kind", [
+    ("LABEL", (), WHOLE, "i"), ("NONE", (0, 1, 2), WHOLE, "i"), ("NONE", (0,), WHOLE, "f"), ("NONE", (), WHOLE, "f"),
+    ("NONE", (0, 1, 2), WHOLE / 2, "f"), ("LABEL", (0, 1, 2), WHOLE[None], "i"), ("NONE", (), WHOLE[:, None], "f"),
+])  # fmt: skip
+def test_floats_are_labels_by_intent_or_table(tmp_path, intent, keys, values, kind):
+    """But not by the table of none that Workbench writes into every map."""
+    found = read_values(gifti(tmp_path / "a.gii", (values, intent), keys=keys))
+    assert found.dtype.kind == kind
+    np.testing.assert_array_equal(found, values.ravel())
+
+
+@pytest.mark.parametrize("intent, bad", [("LABEL", 0.5), ("LABEL", np.nan), ("NONE", np.nan)])
+def test_labels_that_are_no_whole_numbers_are_refused(tmp_path, intent, bad):
+    path = gifti(tmp_path / "a.gii", (np.array([0, 1, bad, 2], np.float32), intent), keys=(0, 1, 2))
+    with pytest.raises(SurfaceError, match=f"a.gii: holds labels, but {bad} at vertex 2, no whole number"):
+        read_values(path)
+
+
 def damaged(tmp_path, old, new):
     write_values(tmp_path / "v.shape.gii", np.arange(9.0))
     data = (tmp_path / "v.shape.gii").read_bytes()

@@ -199,6 +199,24 @@ def test_obj_with_texture_normals_and_negative_indices(tmp_path):
         assert surface.faces.tolist() == [[0, 1, 2], [1, 3, 2]]
 
 
+@pytest.mark.parametrize("kind, colours", [(0, 1), (1, 4), (2, 5)])
+def test_obj_of_mni_as_civet_writes_it(tmp_path, tent, kind, colours):
+    """One colour, one a face, one a vertex; several numbers a line, or one."""
+    points = " ".join(map(str, tent.vertices.ravel().tolist()))
+    look = " ".join(["0 1 0 1"] * colours)
+    corners = " ".join(map(str, tent.faces.ravel()))
+    text = f"P 0.3 0.3 0.4 10 1 5\n{points}\n\n{points}\n\n 4\n {kind} {look}\n\n3 6 9 12\n\n{corners}\n"
+    for content in (text, text.replace(" ", "\n")):
+        (tmp_path / "lh.obj").write_text(content)
+        np.testing.assert_array_equal(read_surface(tmp_path / "lh.obj").vertices, tent.vertices)
+        np.testing.assert_array_equal(read_surface(tmp_path / "lh.obj").faces, tent.faces)
+    for length in range(1, text.rindex(" "), 7):
+        (tmp_path / "lh.obj").write_text(text[:length])
+        refused(tmp_path / "lh.obj", "again")
+    refused(store(tmp_path / "lh.obj", text.replace("3 6 9 12", "4 8 10 12")), "face 0 has 4 corners")
+    refused(store(tmp_path / "lh.obj", "L 1 5", points), ".obj of MNI, but not one of polygons as text")
+
+
 def test_off_with_comments_and_colours(tmp_path):
     rows = ("0 0 0", "1 0 0 255 0 0 255 # red", "", "0 1 0", "3 0 1 2 255 0 0")
     for header in (("OFF", "# by hand", "3 1 0"), ("OFF 3 1 0",), ("COFF", "3 1 3")):

@@ -4,8 +4,14 @@ import nibabel
 import numpy as np
 import pytest
 
-from qclearn.io.values import read_values, write_values
-from qclearn.surfaces.surface import SurfaceError
+from qclearn.cli import main
+from qclearn.io.frames import Frame
+from qclearn.io.hemisphere import Numbering
+from qclearn.io.meshes import read_surface, write_surface
+from qclearn.io.values import read_map, read_regions, read_values, write_values
+from qclearn.plane.grids import polar_disk
+from qclearn.registration.transfer import side_arrays, write_registration
+from qclearn.surfaces.surface import Surface, SurfaceError
 
 VALUES = np.array([0.1, -2.5, 1 / 3, 7e4])
 
@@ -79,6 +85,72 @@ def test_formats_that_are_not_read_or_written_are_refused_by_name(tmp_path, name
         read_values(tmp_path / name)
 
 
+def image_of(shape, *axes):
+    """A NIfTI, or a CIFTI where there are axes."""
+    voxels = np.zeros(shape, np.float32)
+    return nibabel.Cifti2Image(voxels, axes) if axes else nibabel.Nifti1Image(voxels, np.eye(4))
+
+
+CORTEX = nibabel.cifti2.BrainModelAxis.from_mask(np.ones(9), "CortexLeft")
+
+
+@pytest.mark.parametrize("name, image, words", [
+    ("lh.thickness.nii.gz", image_of((40, 1, 1)), "a surface's map in NIfTI: mri_convert IN OUT.mgh$"),
+    ("lh.long.nii", image_of((40, 1, 6, 3)), "a surface's map in NIfTI: mri_convert IN OUT.mgh$"),
+    ("T1.nii.gz", image_of((4, 5, 6)), "a volume: mri_vol2surf or wb_command -volume-to-surface-mapping$"),
+    ("any.nii", image_of((1, 9), nibabel.cifti2.ScalarAxis(["a"]), CORTEX), "CIFTI holds .*wb_command -cifti-separate"),
+])  # fmt: skip
+def test_three_kinds_of_nifti_have_three_ways(tmp_path, name, image, words):
+    nibabel.save(image, tmp_path / name)
+    for read in (read_values, read_surface):
+        with pytest.raises(SurfaceError, match=f"{name}: .nii files are not read here; {words}"):
+            read(tmp_path / name)
+
+
+@pytest.mark.parametrize("name, content, words", [
+    ("lh.cortex.patch.flat", np.array([-1, 2, 1, 0, 0, 0, -2, 0, 0, 0], ">i4"), "patch.*mris_convert -p IN OUT"),
+    ("lh.white", b"\xff\xff\xff" + bytes([0, 0, 4, 0, 0, 1]) + np.arange(12, dtype=">i2").tobytes(), "quadrangles"),
+    ("lh.pial", b"\xff\xff\xfd" + bytes([0, 0, 4, 0, 0, 1]) + bytes(60), "quadrangles.*: mris_convert IN OUT.surf.gii"),
+    ("lh.midthickness.asc", b"#!ascii version of lh.midthickness\n", "FreeSurfer's text.*mris_convert"),
+    ("lh.a.niml.dset", b"<AFNI_dataset>", "AFNI's .*ConvertDset -o_gii -input IN -prefix OUT"),
+    ("subject_Lwhite.mesh", b"binarDCBA", "BrainVISA's .*AimsFileConvert -i IN -o OUT.gii"),
+])  # fmt: skip
+def test_foreign_files_are_named_with_their_converter(tmp_path, name, content, words):
+    (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.tobytes())
+    for read in (read_values, read_surface):
+        with pytest.raises(SurfaceError, match=f"{name}: .*{words}"):
+            read(tmp_path / name)
+
+
+def test_a_map_is_no_surface_and_a_surface_no_map(tmp_path):
+    write_values(tmp_path / "lh.thickness", VALUES)
+    write_values(tmp_path / "lh.a.mgz", VALUES)
+    write_surface(tmp_path / "lh.pial", Surface(np.eye(3), [[0, 1, 2]]))
+    for name, read, words in (
+        ("lh.thickness", read_surface, r"belongs to a surface's vertices \(lh.thickness\).*lh.pial"),
+        ("lh.a.mgz", read_surface, "belongs to a surface's vertices.*give that"),
+        ("lh.pial", read_values, "is a FreeSurfer surface, not values.*lh.thickness"),
+    ):
+        with pytest.raises(SurfaceError, match=f"{name}: .*{words}"):
+            read(tmp_path / name)
+
+
+@pytest.mark.parametrize("shape", [(4, 1), (1, 4), (4, 1, 1), (1, 1, 4, 1)])
+def test_columns_and_rows_of_one_map_are_that_map(tmp_path, shape):
+    np.save(tmp_path / "v.npy", VALUES.reshape(shape))
+    np.testing.assert_array_equal(read_values(tmp_path / "v.npy"), VALUES)
+    np.save(tmp_path / "v.npy", np.outer(VALUES, [1, 2]).reshape(4, 1, 1, 2))
+    assert read_values(tmp_path / "v.npy").shape == (4, 2)
+    (tmp_path / "v.txt").write_text(" ".join(map(str, VALUES)))
+    np.testing.assert_array_equal(read_values(tmp_path / "v.txt"), VALUES)
+
+
+def test_an_mgh_that_freesurfer_folded_is_a_map(tmp_path):
+    values = np.arange(42, dtype=np.float32)
+    nibabel.save(nibabel.MGHImage(values.reshape(7, 1, 6, order="F"), np.eye(4)), tmp_path / "lh.a.mgh")
+    np.testing.assert_array_equal(read_values(tmp_path / "lh.a.mgh"), values)
+
+
 @pytest.mark.parametrize("name, values", [
     ("v.gii", np.array([2**31])), ("v.gii", np.array([-2**40])),
     ("v.mgh", np.array([2**31])), ("lh.thickness", np.array([2**24 + 1])),
@@ -140,3 +212,150 @@ def test_a_damaged_annotation_is_refused(tmp_path):
         path.write_bytes(bad)
         with pytest.raises(SurfaceError, match="lh.a.annot: not a readable FreeSurfer annotation"):
             read_values(path)
+
+
+RED, GREEN, BLACK, WHITE = (200, 20, 30), (10, 200, 30), (0, 0, 0), (255, 255, 255)
+
+
+def annotation(path, colours, entries, indexed=True):
+    """A FreeSurfer annotation as bytes; entries: (index, name, (r, g, b)) in the order of the file."""
+
+    def words(*numbers):
+        return np.array(numbers, ">i4").tobytes()
+
+    def text(name):
+        return words(len(name) + 1) + name.encode() + b"\0"
+
+    codes = [red + (green << 8) + (blue << 16) for red, green, blue in colours]
+    data = words(len(codes)) + b"".join(words(k, code) for k, code in enumerate(codes)) + words(1)
+    data += words(-2, 99) + text("a.ctab") + words(len(entries)) if indexed else words(len(entries)) + text("a.ctab")
+    for index, name, colour in entries:
+        data += (words(index) if indexed else b"") + text(name) + words(*colour, 0)
+    path.write_bytes(data)
+    return path
+
+
+@pytest.mark.parametrize("entries, keys", [
+    ([(2, "c", WHITE), (0, "a", RED), (1, "b", GREEN)], [0, 1, 2, -1]),
+    ([(7, "c", WHITE), (3, "b", GREEN), (0, "a", RED)], [0, 3, 7, -1]),
+    ([(5, "unknown", BLACK), (1, "b", GREEN), (2, "c", WHITE), (4, "a", RED)], [4, 1, 2, -1]),
+    ([(5, "dark", BLACK), (1, "b", GREEN), (2, "c", WHITE), (4, "a", RED)], [4, 1, 2, 5]),
+    ([(1, "b", GREEN), (2, "c", WHITE), (4, "a", RED), (5, "d", RED[::-1]), (6, "e", RED[::-1])], [4, 1, 2, -1]),
+])  # fmt: skip
+def test_an_annotations_names_belong_to_indices(tmp_path, entries, keys):
+    """In any order and with gaps; two unused regions may have one colour; black is none, but for a
+    region of that colour."""
+    path = annotation(tmp_path / "lh.a.annot", [RED, GREEN, WHITE, BLACK], entries)
+    assert read_values(path).tolist() == keys
+    assert read_regions(path).tolist() == ["a", "b", "c", "dark" if 5 in keys else "???"]
+
+
+def test_an_annotation_of_the_first_version_is_read(tmp_path):
+    path = annotation(tmp_path / "lh.a.annot", [GREEN, RED], [(0, "a", RED), (1, "b", GREEN)], indexed=False)
+    assert read_regions(path).tolist() == ["b", "a"]
+
+
+@pytest.mark.parametrize("entries, words", [
+    ([(0, "a", RED), (1, "b", GREEN), (2, "c", GREEN)], r"regions 'b' and 'c' have one colour, \[10, 200, 30\]"),
+    ([(0, "a", RED), (0, "b", GREEN)], "entry 0 of its table is no index, or is there twice"),
+    ([(0, "a", RED)], "1 vertices have a colour that is not in its table of 1 names"),
+    ([(0, "a", RED), (1, "b", (10, 300, 30))], "not a readable FreeSurfer annotation"),
+])  # fmt: skip
+def test_annotations_that_name_no_region_for_sure_are_refused(tmp_path, entries, words):
+    path = annotation(tmp_path / "lh.a.annot", [RED, GREEN], entries)
+    with pytest.raises(SurfaceError, match=f"lh.a.annot: .*{words}"):
+        read_values(path)
+
+
+@pytest.fixture
+def carry(tmp_path):
+    """A function that carries a file by `qclearn transfer` onto a whole surface of 30 vertices that
+    was cut into a disk of 28; both disks are one."""
+    z, faces = polar_disk(3, 9)
+    disk = Surface(np.stack([z.real, z.imag, 0 * z.real], 1), faces, None, np.r_[0:10, 12:30])
+    arrays = {"disk_map": z, "disk_control": z, "faces_moving": faces, "faces_control": faces}
+    for side in ("moving", "control"):
+        arrays |= side_arrays(side, disk, Frame("left", count=30))
+    write_registration(tmp_path / "r.npz", arrays)
+
+    def transferred(name, *options, out="out.npy"):
+        words = ["transfer", "r.npz", name, "--to", "control", "--out", out, *options]
+        main([str(tmp_path / word) if "." in word else word for word in words])
+        return read_map(tmp_path / out)
+
+    return transferred
+
+
+WALL = [10, 11]
+SOME = np.arange(30) % 3
+
+
+@pytest.mark.parametrize("names, alpha", [
+    (["V1", "V2", "V3"], 1.0), (["V1", "V2", "V3"], 0.0), (["???", "V2", "V3"], 0.0),
+    (["FreeSurfer_Defined_Medial_Wall", "V2", "V3"], 1.0),
+])  # fmt: skip
+@pytest.mark.parametrize("out", ["out.label.gii", "lh.out.annot", "out.npy"])
+def test_the_wall_is_no_region(tmp_path, carry, names, alpha, out):
+    """Also where none of a table's colours is shown, as other programs leave it."""
+    table = {key: (name, (key / 3, 0.5, 0.5, alpha)) for key, name in enumerate(names)}
+    write_values(tmp_path / "lh.a.label.gii", SOME, labels=table)
+    there = carry("lh.a.label.gii", "--nearest", out=out)
+    keys = there.values
+    if out == "out.npy":
+        assert set(keys[WALL]) == {-1 if names[0] == "V1" else 0}
+    else:
+        regions = read_regions(tmp_path / out)
+        assert set(regions[WALL]) <= {"???", names[0]} - {"V1"}
+        np.testing.assert_array_equal(np.delete(regions, WALL)[SOME[np.r_[0:10, 12:30]] == 1], "V2")
+        assert names[0] != "V1" or "V1" in regions
+
+
+def test_a_name_and_a_count_say_which_numbers_are_others(tmp_path, carry, capsys):
+    for values, words in (
+        (np.zeros(29), "29 values for 28 vertices .*, 30 before .*without its wall.*-cifti-separate"),
+        (np.zeros(60), "60 values .*of both hemispheres"),
+        (np.zeros((3, 30)), "3 values .*transpose"),
+    ):
+        with pytest.raises(SurfaceError, match=f"v.npy: {words}"):
+            Numbering(28, np.r_[0:10, 12:30], 30).on_disk(values, "v.npy")
+    np.save(tmp_path / "v.npy", np.zeros(29))
+    with pytest.raises(SystemExit):
+        carry("v.npy")
+    assert "v.npy: 29 values for 28 vertices" in capsys.readouterr().err
+
+
+def test_whole_numbers_of_floats_are_carried_with_a_word(tmp_path, carry, capsys):
+    np.save(tmp_path / "v.npy", np.where(SOME, SOME, np.nan))
+    np.save(tmp_path / "w.npy", SOME + 0.5)
+    np.save(tmp_path / "one.npy", np.ones(30))
+    hint = "v.npy: whole numbers, carried as numbers; give --nearest if these are labels\n"
+    for name, options, hinted in (("v.npy", (), True), ("v.npy", ("--nearest",), False), ("w.npy", (), False),
+                                ("one.npy", (), False)):  # fmt: skip
+        carry(name, *options)
+        assert capsys.readouterr().out.endswith(hint) == hinted
+
+
+def test_maps_of_one_file_keep_their_types(tmp_path, carry, capsys):
+    made = nibabel.gifti.GiftiDataArray
+    arrays = [made(SOME.astype(np.int32), "NIFTI_INTENT_LABEL", meta={"Name": "regions"})]
+    arrays += [made(SOME.astype(np.float32) / 4, "NIFTI_INTENT_SHAPE", meta={"Name": "mm"})]
+    (tmp_path / "lh.two.gii").write_bytes(nibabel.GiftiImage(darrays=arrays).to_bytes())
+    with pytest.raises(SystemExit):
+        carry("lh.two.gii")
+    assert "holds whole numbers" in capsys.readouterr().err
+    there = carry("lh.two.gii", "--nearest", out="out.gii")
+    assert there.whole == [True, False] and there.names == ["regions", "mm"]
+    image = nibabel.load(tmp_path / "out.gii")
+    assert [array.data.dtype.kind for array in image.darrays] == ["i", "f"]
+    np.testing.assert_array_equal(image.darrays[1].data, image.darrays[0].data / 4)
+    assert set(image.labeltable.get_labels_as_dict()) == {0, 1, 2}
+
+
+def test_the_walls_key_is_that_of_labels_alone(tmp_path, carry):
+    """Beside labels whose 0 is a region, floats get 0 there."""
+    columns = np.stack([SOME, SOME / 4], axis=1)
+    table = {key: (f"V{key}", (1.0, 0.5, 0.5, 1.0)) for key in range(3)}
+    write_values(tmp_path / "lh.two.gii", columns, labels=table, whole=[True, False])
+    there = carry("lh.two.gii", "--nearest", out="out.gii")
+    assert there.values[WALL].tolist() == [[0, 0], [0, 0]] and there.labels[0][0] == "???"
+    np.testing.assert_array_equal(np.delete(there.values - columns, WALL, axis=0), np.tile([1, 0], (28, 1)))

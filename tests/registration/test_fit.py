@@ -23,7 +23,7 @@ from qclearn.plane.tangent import CoefficientMesh
 from qclearn.registration import multiresolution as multiresolution_module
 from qclearn.registration.fit import fit_landmarks, fit_problem
 from qclearn.registration.gauss_newton import MOBIUS_PRIOR, Discretization, GaussNewtonObjective, corrected
-from qclearn.registration.multiresolution import MultiresolutionFit, start_field
+from qclearn.registration.multiresolution import MultiresolutionFit, landmark_levels, start_field
 from qclearn.registration.problem import LandmarkError, Problem, Weights
 from qclearn.registration.residuals import TANGENTIAL_WEIGHT, LandmarkTerm
 
@@ -350,12 +350,13 @@ def test_a_start_is_carried_to_the_polar_mesh():
 def test_a_multiresolution_fit_is_run_again_with_other_weights(monkeypatch):
     """As a new one is, to the last bit, whatever the fits before have computed; its mesh is
     not looked at again."""
+    levels, weights = landmark_levels(MESH, 8), Weights(2.0, 0.1, 10.0)
     resumed = MultiresolutionFit(Problem(MESH, *smooth_problem(3)))
-    fit_problem(resumed, Weights(gamma=1e5))
-    new = fit_problem(Problem(Disk(*SMALL), *smooth_problem(3)), Weights(2.0, 0.1, 10.0))
+    resumed.run(levels, Weights(gamma=1e5))
+    _, new, _ = MultiresolutionFit(Problem(Disk(*SMALL), *smooth_problem(3))).run(levels, weights)
     monkeypatch.setattr(multiresolution_module, "CoefficientMesh", None)
     monkeypatch.setattr(multiresolution_module, "Discretization", None)
-    assert np.array_equal(fit_problem(resumed, Weights(2.0, 0.1, 10.0)).f, new.f)
+    assert np.array_equal(resumed.run(levels, weights)[1].f, new.f)
 
 
 def test_a_problem_that_was_fitted_holds_no_objective_and_goes_to_other_processes():

@@ -8,8 +8,8 @@ from qclearn.nets import losses
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk
 from qclearn.registration.metrics import (
+    ERRORS,
     coefficient_statistics,
-    curve_rows,
     distortion_quantiles,
     log2_distortions,
     mean_rows,
@@ -65,15 +65,10 @@ def test_the_losses_are_those_that_networks_are_trained_with():
     assert measured(mu, mapped, (2.0, 0.1, 1e4))["L_CP"] == pytest.approx(float(tensor[0]), rel=1e-12)
 
 
-def test_rows_hold_means_curve_by_curve_and_their_mean_is_over_those_that_have_one():
-    errors = np.repeat([1.0, 3.0], 10) + np.tile(np.linspace(-0.5, 0.5, 10), 2)
-    rows = curve_rows(["a", "b"], errors, errors / 10, 2 * errors)
-    assert rows[1] == {
-        "name": "b",
-        "landmark_error_before": pytest.approx(3),
-        "landmark_error": pytest.approx(0.3),
-        "landmark_error_mm": pytest.approx(6),
-    }
+def test_the_mean_of_an_error_is_over_the_curves_that_have_it():
+    rows = [
+        dict(zip(ERRORS, (error, error / 10, 2 * error))) | {"name": name} for name, error in (("a", 1.0), ("b", 3.0))
+    ]
     assert "landmark_error_true" not in mean_rows(rows)
     rows[0]["landmark_error_true"] = 0.5
     assert mean_rows(rows) == {

@@ -38,6 +38,77 @@ def closed_grid(n=8):
     return Surface(np.vstack([vertices, [n / 2, n / 2, -n]]), np.vstack([faces, cone]))
 
 
+CAP = sphere().vertices[:, 2] > 0.6
+
+
+def unread(rim):
+    """NaN in a mask, as in files whose wall was never reconstructed."""
+    vertices = sphere().vertices.copy()
+    vertices[CAP if rim else height(sphere()) > 0.8] = np.nan
+    return vertices, sphere().faces
+
+
+def without_faces(some):
+    """Faces of the wall removed, its vertices left: those that touch it, or those within."""
+    inside = CAP[sphere().faces]
+    return sphere().vertices, sphere().faces[~(inside.any(axis=1) if some else inside.all(axis=1))]
+
+
+def in_one_place(among):
+    """Two neighbours among vertices (V,) bool in one place."""
+    vertices = sphere().vertices.copy()
+    first, second = sphere().edges[among[sphere().edges].all(axis=1)][3]
+    vertices[first] = vertices[second]
+    return vertices, sphere().faces
+
+
+def turned(among):
+    """A face turned round, and another one twice."""
+    inside = np.flatnonzero(among[sphere().faces].all(axis=1))
+    faces = np.vstack([sphere().faces, sphere().faces[inside[9]]])
+    faces[inside[3]] = faces[inside[3], ::-1]
+    return sphere().vertices, faces
+
+
+def bubble():
+    """A small closed piece beside, all of it in the mask."""
+    whole = sphere()
+    return np.vstack([whole.vertices, whole.vertices / 9 + 3]), np.vstack([whole.faces, whole.faces + 642])
+
+
+@pytest.mark.parametrize("mesh", [
+    unread(True), unread(False), without_faces(True), without_faces(False), in_one_place(CAP), turned(CAP), bubble(),
+    (np.vstack([sphere().vertices, np.full((3, 3), 7.0)]), sphere().faces),
+])  # fmt: skip
+def test_faults_of_what_is_cut_away_do_not_matter(mesh):
+    expected, table = open_surface(sphere(), CAP)
+    opened, index = open_surface(mesh, np.append(CAP, np.ones(len(mesh[0]) - 642, dtype=bool)))
+    np.testing.assert_array_equal(index, table)
+    np.testing.assert_array_equal(opened.vertices, expected.vertices)
+    np.testing.assert_array_equal(opened.faces, expected.faces)
+
+
+@pytest.mark.parametrize("mesh, message", [
+    (in_one_place(~CAP), "2 degenerate faces"), (turned(~CAP), "duplicate faces: 1 pair"),
+    (unread(False), r"NaN or infinite coordinates: \d+"),
+])  # fmt: skip
+def test_faults_of_what_stays_are_refused(mesh, message):
+    """Also beside a wall with faults of its own, by the numbers of the file."""
+    mask = CAP if "NaN" not in message else np.roll(CAP, 7) & (height(sphere()) < 0)
+    mask = mask if mask.any() else height(sphere()) < -0.6
+    vertices = mesh[0].copy()
+    vertices[height(sphere()) > 0.9] = np.nan
+    with pytest.raises(SurfaceError, match=message):
+        open_surface((vertices, mesh[1]), mask)
+
+
+def test_a_second_hemisphere_is_not_dropped():
+    whole = sphere()
+    mesh = np.vstack([whole.vertices, whole.vertices + 3]), np.vstack([whole.faces, whole.faces + 642])
+    with pytest.raises(SurfaceError, match="2 components.*each hemisphere in a file of its own"):
+        open_surface(mesh, np.append(CAP, CAP))
+
+
 def test_a_cap_is_cut_off_and_indices_come_back():
     cap = height(sphere()) > 0.8
     opened, index = open_surface(sphere(), cap)

@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from known_surfaces import grid, torus_mesh
 from operations import lines_run
-from qclearn.surfaces.surface import Surface, SurfaceError, mirror, require_disk, require_outward
+from qclearn.surfaces.surface import Mesh, Surface, SurfaceError, mirror, require_disk, require_outward
+from qclearn.surfaces.units import other_units, relative_units, size_of
 
 TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
 OUTWARD = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
@@ -150,7 +151,11 @@ def test_unused_vertices_and_their_remedy():
     faces = OUTWARD + (OUTWARD > 0)
     refused("1 vertex in no face: 1.", "numpy.unique", vertices=vertices, faces=faces)
     used, corners = np.unique(faces, return_inverse=True)
-    np.testing.assert_array_equal(Surface(vertices[used], corners.reshape(-1, 3)).vertices, TETRAHEDRON)
+    surface = Surface(vertices[used], corners.reshape(-1, 3), original_vertices=used)
+    np.testing.assert_array_equal(surface.vertices, TETRAHEDRON)
+    dropped = Surface(*Mesh.of(vertices, faces, {"ridge": [0, 2]}).used())
+    np.testing.assert_array_equal(dropped.faces, surface.faces)
+    assert dropped.original_vertices.tolist() == [0, 2, 3, 4] and dropped.curves["ridge"].tolist() == [0, 1]
 
 
 def test_long_lists_of_indices_are_cut():
@@ -158,7 +163,7 @@ def test_long_lists_of_indices_are_cut():
 
 
 def test_degenerate_faces():
-    refused("1 degenerate face", "repeated vertex", ": 4.", "clean", faces=np.vstack([OUTWARD, [1, 1, 2]]))
+    refused("1 degenerate face", "repeated vertex", ": 4.", "the numbers stay", faces=np.vstack([OUTWARD, [1, 1, 2]]))
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
@@ -207,7 +212,57 @@ def test_several_components():
     vertices, faces = grid(2, 2)
     vertices, faces = np.vstack([TETRAHEDRON, vertices]), np.vstack([OUTWARD, faces + 4])
     message = "2 components: 9 vertices around vertex 4, 4 vertices around vertex 0"
-    refused(message, "extract_largest", vertices=vertices, faces=faces)
+    refused(message, "hemisphere in a file of its own", "qclearn open", vertices=vertices, faces=faces)
+
+
+def with_seam(vertices, faces, side):
+    """The mesh whose faces on one side (F,) bool have vertices of their own, the last."""
+    seam = np.intersect1d(faces[side], faces[~side])
+    new = np.arange(len(vertices))
+    new[seam] = len(vertices) + np.arange(len(seam))
+    return np.vstack([vertices, vertices[seam]]), np.where(side[:, None], new[faces], faces), seam
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+def test_points_doubled_along_a_seam_are_refused_and_merged(scale):
+    """Halves that touch, and one face cut out; the lowest numbers stay, and a curve across stays one."""
+    vertices, faces = torus_mesh()
+    for side in (vertices[faces].mean(1)[:, 0] > 0.1, np.arange(len(faces)) == 7):
+        doubled, torn, seam = with_seam(scale * vertices, faces, side)
+        copy = len(vertices)
+        refused(f"seam: {len(seam)} pairs", f"[{seam[0]}, {copy}]", "--merge", vertices=doubled, faces=torn)
+        mesh = Mesh.of(doubled, torn, {"across": [seam[0], copy, seam[1]]}).merged()
+        surface = Surface(*mesh.used())
+        np.testing.assert_array_equal(surface.faces, faces)
+        np.testing.assert_array_equal(surface.original_vertices, np.arange(len(vertices)))
+        assert surface.curves["across"].tolist() == seam[:2].tolist()
+
+
+def test_faces_with_three_vertices_each_become_one_surface():
+    vertices, faces = grid(4, 3)
+    soup = Mesh.of(vertices[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3))
+    assert repr(Surface(*soup.merged().used())) == f"Surface({len(vertices)} vertices, {len(faces)} faces)"
+
+
+def test_fans_that_touch_in_a_point_alone_are_no_seam():
+    vertices, faces = grid(2, 2, hole=[(0, 1), (1, 0)])
+    faces = np.where((faces == 4) & (np.arange(len(faces))[:, None] % 2 == 0), len(vertices), faces)
+    mesh = Mesh.of(np.vstack([vertices, vertices[4]]), faces)
+    assert mesh.merged().faces.tolist() == mesh.faces.tolist()
+
+
+@pytest.mark.parametrize("scale, unit, mm", [
+    (1.0, "mm", 1.0), (0.3, "mm", 1.0), (1e-3, "m", 1e-3), (2e-4, "m", 1e-3), (1e3, "um", 1e3), (3e3, "um", 1e3),
+    (0.1, None, 15 / 165), (1 / 150, None, 1 / 165), (10.0, None, 1500 / 165),
+])  # fmt: skip
+def test_the_length_tells_the_unit(scale, unit, mm):
+    """Of a hemisphere 150 mm long; in cm, at length 1 and at ten times its size a mm is relative."""
+    surface = Surface(150 * scale * TETRAHEDRON, OUTWARD)
+    length, found, one = size_of(surface)
+    assert (length, found, one) == (pytest.approx(150 * scale), unit, pytest.approx(mm))
+    messages = list(other_units(moving=surface))
+    assert len(messages) == (unit in ("m", "um")) and all(f"--units {unit}" in message for message in messages)
+    assert (relative_units(surface) is None) == (unit is not None)
 
 
 def test_curves_that_do_not_fit():

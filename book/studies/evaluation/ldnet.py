@@ -1,23 +1,14 @@
 """LD-Net on subjects it has not seen, against the shortest path in the fundus metric
-(`landmarks.detect_curves`).
+(`landmarks.detect_curves`)."""
 
-    python book/studies/evaluation/ldnet.py FILE...
-
-measures the distance to the named curves of surfaces of your own (disks in npz files with
-curve_<name>).
-"""
-
-import json
-import sys
 import time
 from copy import copy
 
 import numpy as np
 import torch
 
-import qclearn as qc
 from data_synth.cohort import hemispheres
-from qclearn.nets import WeightsError, load
+from qclearn.nets import load
 from qclearn.registration.curves import curve_distance, curves_in_space, detect_curves
 from qclearn.surfaces.conformal import parameterize
 
@@ -69,15 +60,8 @@ CLASSES = {
 
 
 def detectors():
-    """What is compared, name -> detect(surface, z, endpoints); a preset whose weights are not
-    shipped is left out."""
-    found = {}
-    for preset in ("best", "paper"):
-        try:
-            found[preset] = load("ldnet", preset).detect
-        except WeightsError as error:
-            print(f"without preset {preset}: {error}")
-    return {**found, "twin": detect_curves}
+    """What is compared, name -> detect(surface, z, endpoints)."""
+    return {preset: load("ldnet", preset).detect for preset in ("best", "paper")} | {"twin": detect_curves}
 
 
 def distances_to_truth(side, methods):
@@ -143,14 +127,3 @@ def latency(preset, repeats=20):
             getattr(model, "from_images", model)(images, ends)
         passed.append(time.process_time() - start)
     return 1e3 * float(np.median(passed))
-
-
-def real(path, methods):
-    """{curve: {method: mm}} on a surface whose named curves someone has drawn; the paper's preset
-    needs all its own."""
-    usable = {name: detect for name, detect in methods.items() if name != "paper"}
-    return distances_to_truth(parameterize(qc.read_surface(path)), usable)[0]
-
-
-if __name__ == "__main__":
-    print(json.dumps({path: real(path, detectors()) for path in sys.argv[1:]}, indent=1))

@@ -7,7 +7,6 @@ from threadpoolctl import threadpool_limits
 
 from ...plane.coefficients import bounded, unbounded
 from ...plane.grids import COARSE, FINE, polar
-from ...plane.mobius import best_mobius
 from ...registration.fit import exact_map, fit_problem
 from ...registration.multiresolution import Level, MultiresolutionFit, run_level
 from ...registration.problem import Weights
@@ -53,8 +52,7 @@ def few_steps(problem, mu, steps, weights):
     mesh = polar(*FINE)
     objective = MultiresolutionFit(problem).objective(level, weights)
     begin = objective.at(mesh.to_vertices @ unbounded(mu), (0j, 0.0))
-    best = best_mobius(objective.samples @ begin.solution.f, problem.target)
-    state, _ = run_level(objective, objective.with_mobius(begin, best), level)
+    state, _ = run_level(objective, objective.aligned(begin), level)
     result = exact_map(problem, bounded(mesh.sampling(problem.disk.centroids) @ state.nu))
     warn_of(result.fallbacks)
     return result.f

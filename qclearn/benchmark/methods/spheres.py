@@ -17,11 +17,7 @@ from ...surfaces.checks import norms
 from ...surfaces.surface import Surface, SurfaceError
 from .process import measured
 
-CATSURF = (
-    sys.executable,
-    "-P",
-    str(Path(__file__).with_name("catsurf.py")),
-)  # GPL: a program beside us, never imported.
+# GPL: a program beside us, never imported.
 CATSURF = sys.executable, "-P", str(Path(__file__).with_name("catsurf.py"))
 LIMIT = 3600.0  # seconds that a program may take
 ROUND = 1.01  # the largest radius by the smallest of what passes for a sphere

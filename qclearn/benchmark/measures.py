@@ -1,0 +1,87 @@
+"""Figures of one map for a row of the benchmark, and the difference of two runs' figures."""
+
+import numpy as np
+from scipy.sparse.csgraph import dijkstra
+
+from ..plane.linear import corner_angles, edge_lengths
+from ..registration.curves import edge_graph, weigh_edges
+from ..registration.metrics import SMALLEST_RATIO, coefficient_statistics, face_areas
+
+
+def coefficient_measures(surface, disk, mu):
+    """Statistics of |mu| over the faces of the moving mesh: each face counts once, as in the
+    paper's table; by its area in the disk for `_disk`, in space for `_area`. Infinite where a
+    face's orientation is exactly reversed."""
+    size = abs(mu)
+    result = {**coefficient_statistics(mu), "p95_abs_mu": float(np.percentile(size, 95))}
+    for name, areas in (("disk", disk.areas), ("area", surface.face_areas)):
+        mean = np.average(size, weights=areas)
+        result[f"mean_abs_mu_{name}"] = float(mean)
+        result[f"sd_abs_mu_{name}"] = float(np.sqrt(np.average((size - mean) ** 2, weights=areas)))
+    return result
+
+
+def coefficient_histogram(mu, bins=50):
+    """Counts (bins,) of |mu| over the faces in equal steps of [0, 1], all above in the last."""
+    return np.histogram(np.minimum(abs(mu), 1), bins, (0, 1))[0]
+
+
+def landmark_measures(mapped, target, off_mm):
+    """Mean and standard deviation over landmarks of their distance from the target: in the disk,
+    and in mm (M,)."""
+    off = abs(mapped - target)
+    return {
+        "landmark_error": float(off.mean()),
+        "sd_landmark_error": float(off.std()),
+        "landmark_error_mm": float(np.mean(off_mm)),
+        "sd_landmark_error_mm": float(np.std(off_mm)),
+    }
+
+
+def near_curves(surface, curves, reach):
+    """Whether vertices (V,) lie within `reach` of one of the curves (vertex paths) along the
+    surface's edges."""
+    graph = edge_graph(surface, weigh_edges(surface, np.ones(len(surface.vertices))))
+    starts = np.unique(np.concatenate(curves))
+    return dijkstra(graph, directed=False, indices=starts, limit=reach, min_only=True) <= reach
+
+
+def correspondence_measures(points, truth, near):
+    """Distance in mm of points (V, 3) from the true ones; the last mean is over `near` (V,), near
+    primary sulci."""
+    off = np.linalg.norm(points - truth, axis=1)
+    return {
+        "correspondence_mm": float(off.mean()),
+        "median_correspondence_mm": float(np.median(off)),
+        "p95_correspondence_mm": float(np.percentile(off, 95)),
+        "correspondence_sulci_mm": float(off[near].mean()),
+    }
+
+
+def distortion_measures(surface, points):
+    """Distortion of the registration in space, moving surface -> points (V, 3) on the control.
+
+    `angle_distortion`: mean over corners of |angle there - angle here|, degrees; `area_distortion`:
+    mean over the area of |log2 of the area ratio|, total areas made equal, the ratio at least
+    `SMALLEST_RATIO`.
+    """
+    here = corner_angles(surface.edge_lengths)
+    there = corner_angles(edge_lengths(points[surface.faces]))
+    areas = face_areas(points, surface.faces)
+    ratio = np.maximum((areas / areas.sum()) / (surface.face_areas / surface.area), SMALLEST_RATIO)
+    return {
+        "angle_distortion": float(np.degrees(abs(there - here)).mean()),
+        "area_distortion": float(np.average(abs(np.log2(ratio)), weights=surface.face_areas)),
+    }
+
+
+def paired_difference(one, other, rng, draws=10_000, level=0.95):
+    """(mean, low, high) of one - other over the same subjects, low and high of its bootstrap
+    interval; pairs with a NaN are left out, and without any pair all three are NaN."""
+    differences = np.asarray(one, float) - np.asarray(other, float)
+    differences = differences[np.isfinite(differences)]
+    if not len(differences):
+        return (np.nan,) * 3
+    means = differences[rng.integers(len(differences), size=(draws, len(differences)))].mean(1)
+    low, high = np.quantile(means, [(1 - level) / 2, (1 + level) / 2]).tolist()
+    return float(differences.mean()), low, high

@@ -1,0 +1,68 @@
+"""Formats that are known by content or name and not read here: what each is, and the way from it."""
+
+import gzip
+import zlib
+
+import nibabel
+
+from ..surfaces.surface import SurfaceError
+
+_CIFTI = (
+    "CIFTI holds both hemispheres and volumes at once: take one surface's map out, wb_command "
+    "-cifti-separate IN COLUMN -metric CORTEX_LEFT OUT.func.gii (-label for a .dlabel.nii)"
+)
+_OVERLAY = "a surface's map in NIfTI: mri_convert IN OUT.mgh"
+_VOLUME = "a volume: mri_vol2surf or wb_command -volume-to-surface-mapping"
+NIFTI = f"{_CIFTI}; {_OVERLAY}; {_VOLUME}"
+_AFNI = "AFNI's format; convert it: ConvertDset -o_gii -input IN -prefix OUT"
+_BRAINVISA = "BrainVISA's format; convert it: AimsFileConvert -i IN -o OUT.gii"
+_BY_SUFFIX = {
+    ".asc": "FreeSurfer's text; convert a surface: mris_convert IN OUT.surf.gii; of a map, save the "
+    "last column as .txt",
+    **dict.fromkeys((".dset", ".1d", ".niml"), _AFNI),
+    **dict.fromkeys((".mesh", ".tri", ".tex"), _BRAINVISA),
+}
+# What FreeSurfer's binary files hold.
+SURFACE = "is a FreeSurfer surface, not values at its vertices; give a map such as lh.thickness"
+MAP = "holds what belongs to a surface's vertices (lh.thickness), no surface; give that (lh.pial)"
+_PATCH = (
+    "is a FreeSurfer patch, vertices without faces; give the surface that it is a part of, such as "
+    "lh.pial, or convert it: mris_convert -p IN OUT.surf.gii"
+)
+_QUADS = "holds quadrangles, FreeSurfer's old format; convert it: mris_convert IN OUT.surf.gii"
+
+
+def freesurfer_kind(data):
+    """SURFACE, MAP or what else the first bytes of a FreeSurfer file say, None for other files."""
+    if data.startswith(b"\xff\xff\xfe"):
+        return SURFACE
+    if data.startswith(b"\xff\xff\xff\xff"):
+        return _PATCH
+    if data.startswith(b"\xff\xff\xff") and data[11:14] in (b"\0\0\0", b""):  # values a vertex
+        return MAP
+    return _QUADS if data.startswith((b"\xff\xff\xff", b"\xff\xff\xfd")) else None
+
+
+def refuse_foreign(path):
+    """SurfaceError for a NIfTI, by its header, and for a suffix of another program."""
+    name = path.name.lower()
+    suffix = ".nii" if name.endswith(".nii.gz") else path.suffix.lower()
+    known = suffix == ".nii" or (suffix in _BY_SUFFIX and not name.endswith(".gii.dset"))
+    if known and path.is_file():
+        reason = _BY_SUFFIX.get(suffix) or _nifti_kind(path)
+        raise SurfaceError(f"{path}: {suffix} files are not read here; {reason}")
+
+
+def _nifti_kind(path):
+    try:
+        with gzip.open(path) if path.suffix.lower() == ".gz" else path.open("rb") as file:
+            data = file.read(540)
+    except (OSError, EOFError, zlib.error):
+        return NIFTI
+    for header_class in (nibabel.Nifti2Header, nibabel.Nifti1Header):
+        if header_class.may_contain_header(data):
+            header = header_class(data[: header_class.sizeof_hdr], check=False)
+            if 3000 <= header["intent_code"] < 3100:  # NIFTI_INTENT_CONNECTIVITY...
+                return _CIFTI
+            return _VOLUME if header["dim"][1:4].min() > 1 else _OVERLAY
+    return NIFTI
