@@ -12,15 +12,10 @@ from data_synth.generations import GENERATION
 SHARED = "QCLEARN_TESTED_SUBJECTS"  # the environment's name for the folder; conftest.py makes it
 
 
-def shared(*parts):
-    """A folder or file that the tests of a run share."""
-    return Path(os.environ[SHARED], *map(str, parts))
-
-
 def grown(seed, n_vertices, hemisphere="left", generation=GENERATION):
     """`make_cortex`, grown by whoever asks first. Each call reads arrays of its own, so that a test
     may change them."""
-    path = shared(f"{generation}-{hemisphere}-{n_vertices}-{seed}.npz")
+    path = Path(os.environ[SHARED], f"{generation}-{hemisphere}-{n_vertices}-{seed}.npz")
     with path.with_suffix(".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not path.exists():
