@@ -9,6 +9,7 @@ from pathlib import Path
 from platformdirs import user_cache_path
 from tqdm import tqdm
 
+from qclearn.io.checkpoint import require_home
 from qclearn.io.safe import write_whole
 
 from .cortex import CortexError, make_cortex, require_generation
@@ -65,7 +66,7 @@ def hemispheres(
 
 def default_folder():
     """The default folder of the cohort: the user's cache folder of this platform."""
-    return user_cache_path("qclearn") / "cohort"
+    return require_home(user_cache_path("qclearn") / "cohort")
 
 
 def subject_path(folder, seed, n_vertices, generation=GENERATION):

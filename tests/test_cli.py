@@ -249,7 +249,7 @@ def test_annotations_are_compared_by_their_names(folder, capsys):
     run(*to_register(folder), "--gamma", 1e2, "--annot", *files)
     overlap = json.loads((folder / "out" / "report.json").read_text())["dice"]
     assert set(overlap["regions"]) == {"inner", "outer"} and 0.9 < overlap["after"] <= 1
-    assert re.search(r"^Dice +\d\.\d{3} of the annotations", capsys.readouterr().out, re.MULTILINE)
+    assert re.search(r"^Dice +\d\.\d{3} of 2 of 2 regions ", capsys.readouterr().out, re.MULTILINE)
     np.save(folder / "c.npy", regions)
     line = refused(capsys, folder, *to_register(folder, out="other"), "--annot", files[0], folder / "c.npy")
     assert "c.npy: names no regions; give a .label.gii of one map, or an .annot" in line
@@ -631,17 +631,13 @@ def test_open_says_what_of_the_mask_stays_and_keeps_the_hemisphere(folder, capsy
     assert (
         f"1 of the mask's {mask.sum()} vertices stay: holes away from the opening are filled" in capsys.readouterr().out
     )
-    for option, structure in (([], "CortexRight"), (["--hemisphere", "left"], "CortexLeft")):
-        run(
-            "open",
-            folder / "rh.ball.surf.gii",
-            "--mask",
-            folder / "mask.npy",
-            "--out",
-            folder / "open.surf.gii",
-            *option,
-        )
+    write_surface(folder / "ball.surf.gii", ball)
+    words = "--mask", folder / "mask.npy", "--out", folder / "open.surf.gii"
+    for name, option, structure in (("rh.ball", [], "CortexRight"), ("ball", ["--hemisphere", "left"], "CortexLeft")):
+        run("open", folder / f"{name}.surf.gii", *words, *option)
         assert nibabel.load(folder / "open.surf.gii").meta["AnatomicalStructurePrimary"] == structure
+    line = refused(capsys, folder, "open", folder / "rh.ball.surf.gii", *words, "--hemisphere", "left")
+    assert re.search("rh.ball.surf.gii: is of the right hemisphere; leave --hemisphere left out, or correct", line)
 
 
 def test_landmarks_with_a_byte_order_mark_are_read(folder):

@@ -12,7 +12,8 @@ import pytest
 
 from qclearn.io.fsaverage import demo_landmarks, fsaverage5, whole_fsaverage5
 from qclearn.io.meshes import frame_of, read_surface, write_surface
-from qclearn.registration.curves import check_curves, fundus_metric, fundus_path, read_landmarks
+from qclearn.registration.curves import check_curves, fundus_metric, fundus_path, read_landmarks, read_points
+from qclearn.registration.problem import LandmarkError
 from qclearn.surfaces.surface import Surface
 from test_cli import bowl, refused, run
 
@@ -197,6 +198,41 @@ def test_two_points_are_ends_and_begin_comes_first(folder):
     assert json.loads((folder / "l").read_text())["curves"] == [{"name": "a", "moving": [1, 97], "control": [1, 97]}]
 
 
+TABLE = [["Name", "side ", "order", "x", "y", "z"]]
+TABLE += [["Sulcus \xe9", side, str(k), "0.5", str(k), "-1.25"] for side in ("moving", "control") for k in range(2)]
+
+
+@pytest.mark.parametrize(
+    "separator, decimal, end, encoding",
+    [
+        (",", ".", "\r", "utf-8"),  # Excel for the Mac
+        (";", ",", "\r\n", "utf-8-sig"),  # Excel in Europe
+        ("\t", ",", "\r\n", "utf-8"),
+        (";", ".", "\n", "utf-8"),
+    ],
+)
+def test_tables_of_any_excel_are_read(tmp_path, separator, decimal, end, encoding):
+    rows = [*TABLE, [""] * 6, [" "] * 6, []]
+    text = end.join(separator.join(cell.replace(".", decimal) for cell in row) for row in rows)
+    (tmp_path / "points.csv").write_bytes((text + end).encode(encoding))
+    points = read_points(tmp_path / "points.csv")
+    assert list(points) == ["Sulcus \xe9"]
+    for side in ("moving", "control"):
+        assert points["Sulcus \xe9"][side].tolist() == [[0.5, 0, -1.25], [0.5, 1, -1.25]]
+
+
+def test_a_table_of_r_has_more_columns_and_a_cell_may_have_two_lines(tmp_path):
+    rows = [f'"{k}","central\n sulcus","{side}",{k},1.5,{k},0' for side in ("moving", "control") for k in range(2)]
+    (tmp_path / "points.csv").write_text("\n".join(['"","name","side","order","x","y","z"', *rows]))
+    assert list(read_points(tmp_path / "points.csv")) == ["central sulcus"]
+
+
+def test_letters_that_are_no_utf8_are_refused_with_their_line(tmp_path):
+    (tmp_path / "points.csv").write_bytes(HEADER.encode() + "caf\xe9,moving,0,0,0,0".encode("cp1252"))
+    with pytest.raises(LandmarkError, match="points.csv, line 2: not a text file in UTF-8; export"):
+        read_points(tmp_path / "points.csv")
+
+
 def test_labels_of_a_cut_surface_say_what_was_cut_away_and_what_never_was_there(folder, capsys):
     """Numbers of the whole surface, of 300 vertices, of which 107 were cut away."""
     table = np.r_[0:193] + 107
@@ -229,6 +265,7 @@ def test_labels_of_a_cut_surface_say_what_was_cut_away_and_what_never_was_there(
         (["--label", "a", "none.label", "east.label"], "none.label: cannot be read"),
         (["--label", "a", "east.label", "east.label", "--mirror"], "leave out --mirror"),
         (["--points", "lh.moving"], "not a text file"),
+        (["--label", "a\tb", "east.label", "east.label"], r"the name 'a\\tb' is longer than 200 characters or holds"),
         (["--points", "points.csv"], r"'east', moving side: the point .* mm from the surface; in scanner .* --space"),
     ],
 )
@@ -252,6 +289,12 @@ def test_bad_input_is_one_line(folder, capsys, words, message):
         (HEADER + "a,moving,1,0,0,0\na,moving,1.0,0,0,0\n", "line 3: 'a' has this place twice on the moving side"),
         (HEADER + "a,moving,1,0,0,0\na,moving,2,0,0,0\n", "'a' has fewer than two points on the control side"),
         (HEADER, "holds no points"),
+        ("side,order,x,y,z,name\nmoving,0,1,2,3\n", "line 2: its cells are not as many as the first line's"),
+        (HEADER + "a,moving,1,0,5,1,5,2,5\n", "line 2: its cells are not as many"),
+        (HEADER + "\n,,,,,\n" + "a" * 140_000 + ",moving,1,0,0,0\n", "line 4: field larger than field limit"),
+        (HEADER + " ,moving,1,0,0,0\n", "line 2: no name"),
+        ("name,side,order,x,y,z,x\n", "no column x, or two"),
+        (HEADER + "a\x1b[31m,moving,1,0,0,0\n" * 2, "'a\\x1b[31m' has this place twice"),
     ],
 )
 def test_bad_tables_are_one_line(folder, capsys, text, message):

@@ -16,7 +16,8 @@ from qclearn.plane.disk import Disk
 from qclearn.registration.transfer import write_registration
 from qclearn.reports import write_group, write_pair
 from qclearn.reports.finished import FinishedRegistration, ReportError, read_finished
-from qclearn.reports.group import FEWEST, MEASURES, Subject, scored
+from qclearn.reports.group import FEWEST, MEASURES, Subject, address_of, scored
+from qclearn.reports.render import write_text
 from qclearn.reports.views import InflatedView, curvature_scale, decimated
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.surface import Surface, SurfaceError
@@ -171,7 +172,8 @@ def test_the_page_forbids_itself_the_network(runs):
 
 
 def table(path):
-    return list(csv.DictReader(path.read_text().splitlines()))
+    assert path.read_bytes().startswith(b"\xef\xbb\xbf")  # by which Excel knows its letters
+    return list(csv.DictReader(path.read_text("utf-8-sig").splitlines()))
 
 
 def test_a_group_is_sorted_worst_first_and_its_csv_has_the_reports_figures(runs, tmp_path):
@@ -265,6 +267,31 @@ def test_a_group_on_two_controls_is_refused(tmp_path, runs):
     with pytest.raises(ReportError, match="two: its control is not that of .*one; give folders of one control"):
         write_group([runs / "one", folder], tmp_path / "group.html")
     assert not list(tmp_path.glob("group.*"))
+
+
+@pytest.mark.parametrize("how", ["link", "path", "content"])
+def test_a_subject_counts_once(tmp_path, runs, how, monkeypatch):
+    monkeypatch.chdir(runs)
+    again = {"link": tmp_path / "two", "path": "./six/../one", "content": None}[how]
+    if how == "link":
+        again.symlink_to(runs / "one")
+    again = again or copied(runs, "one", tmp_path)
+    with pytest.raises(ReportError, match="its subject is that of one; a group counts each subject once"):
+        write_group(["one", again], tmp_path / "group.html")
+    assert not list(tmp_path.glob("group.*"))
+
+
+def test_links_lead_into_folders_of_any_name(tmp_path):
+    """A browser reads #, ? and % in an address in its own way."""
+    page = tmp_path / "50% #1?" / "M\udcfcller" / "report.html"
+    page.parent.mkdir(parents=True)
+    page.touch()
+    assert address_of(page, tmp_path / "group.html") == "50%25%20%231%3F/M%FCller/report.html"
+
+
+def test_a_page_of_names_that_are_no_utf8_is_utf8(tmp_path):
+    write_text(tmp_path / "page.html", "M\udcfcller \x1b[31m\ttab")
+    assert (tmp_path / "page.html").read_text("utf-8") == "M\\udcfcller \\x1b[31m\ttab"
 
 
 def test_a_bad_call_is_one_line_and_exit_code_2(tmp_path, runs, capsys):

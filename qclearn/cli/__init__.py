@@ -10,16 +10,18 @@ from importlib.metadata import version
 import click
 
 from . import group, landmarks, registration, reports, sphere, studies, surfaces
-from .output import Command, fail
+from .output import Command, expanded, fail, unfailing_streams
 
 
+@unfailing_streams()
 def main(arguments=None):
     """Run a command; bad input becomes one line on stderr and exit code 2."""
     try:
-        command = Command(["qclearn", *(sys.argv[1:] if arguments is None else arguments)])
+        given = [expanded(one) for one in (sys.argv[1:] if arguments is None else arguments)]
+        command = Command(["qclearn", *given])
         # The process's time so far is that of Python's own start.
         command.begun = time.perf_counter() - (time.process_time() if arguments is None else 0)
-        cli.main(arguments, prog_name="qclearn", standalone_mode=False, obj=command)
+        cli.main(given, prog_name="qclearn", standalone_mode=False, obj=command)
     except click.exceptions.Exit as stop:
         sys.exit(stop.exit_code)
     except click.Abort:
@@ -31,7 +33,8 @@ def main(arguments=None):
         fail(f"there is not enough memory for this; {advice}")
     # Our own errors are ValueErrors; a package of an extra may be missing.
     except (ValueError, OSError, ImportError) as error:
-        fail(str(error))
+        of_system = isinstance(error, OSError) and error.filename
+        fail(f"{of_system}: {error.strerror}; give another place" if of_system else str(error))
 
 
 @click.group(no_args_is_help=False, context_settings={"show_default": True})

@@ -42,11 +42,12 @@ def template(subjects, out, mirror, folder, units, **options):
     unknown = sorted(set(mirror) - set(subjects))
     if unknown:
         raise click.UsageError(f"--mirror {unknown[0]}: not one of the subjects")
-    if len(set(subjects)) < len(subjects):
-        raise click.UsageError("a subject is given twice")
+    twice = next((path for path in subjects if subjects.count(path) > 1), None)
+    if twice is not None:
+        raise click.UsageError(f"{twice}: a subject is given twice; give each once")
     members = {path: member_of(path, path in mirror, units) for path in subjects}
-    made = qc.template(members, folder=folder or Path(out) / "rounds", progress=True, **options)
     with output_folder(out) as place:
+        made = qc.template(members, folder=folder or Path(out) / "rounds", progress=True, **options)
         write_template(place, made, members)
     print_rounds(made.report, out)
     if made.left_out:

@@ -10,7 +10,7 @@ import qclearn as qc
 
 from ..io.frames import TKR, side_of_name
 from ..io.hemisphere import read_hemisphere, require_side
-from ..io.safe import write_whole
+from ..io.safe import is_plain_name, write_whole
 from ..io.values import read_label
 from ..registration.curves import (
     SCANNER,
@@ -24,7 +24,7 @@ from ..registration.tracing import aligned_by_folds, carried, ends_apart, ordere
 from ..surfaces.checks import counted
 from ..surfaces.units import other_units
 from .given import merge_option, units_option
-from .output import say
+from .output import file_option, say
 
 DOUBT = 0.6  # of the ends' distance when reversed: 0.02 to 0.42 on known curves of two people
 
@@ -55,7 +55,7 @@ DOUBT = 0.6  # of the ends' distance when reversed: 0.02 to 0.42 on known curves
 @click.option(
     "--mirror", is_flag=True, help="As for `register`: MOVING is of the other hemisphere."
 )
-@click.option("--out", required=True, help="The file to write, for `register --landmarks`.")
+@file_option("The file to write, for `register --landmarks`.")
 def landmarks(
     moving, control, cortex, control_cortex, units, merge, labels, points, space, carry, mirror, out
 ):
@@ -87,6 +87,9 @@ def landmarks(
         template_curves, contents["off_fundus_mm"] = from_template(sides, lines)
         curves += template_curves
     for curve in curves:
+        if not is_plain_name(curve["name"]):  # `register` would refuse it
+            fault = "is longer than 200 characters or holds control characters"
+            raise qc.LandmarkError(f"the name {curve['name'][:40]!r} {fault}; rename it")
         curve |= {side: as_given(one, curve[side]) for side, one in sides.items()}
     check_curves(contents, *(one.given for one in sides.values()))
     write_whole(Path(out), lambda place: place.write_text(json.dumps(contents, indent=2) + "\n"))

@@ -12,6 +12,7 @@ import qclearn as qc
 
 from ..io.hemisphere import Hemisphere, read_hemisphere
 from ..io.provenance import origin
+from ..io.safe import printable
 from ..registration.curves import curves_of_both, on_disks, read_landmarks
 from ..registration.problem import BY_DISKS, DELTA, ETA, INDIVIDUAL, Weights
 from ..registration.register import Stages
@@ -233,7 +234,7 @@ def register_into(out, pair, curves, report, accept_suspect, **options):
             write_pair(folder, folder / "report.html")
     print_report(contents, out)
     if sphere_line:
-        click.echo(f"{'sphere':15s} {sphere_line}")
+        print(f"{'sphere':15s} {sphere_line}")
     if contents["suspect"]:
         fail("suspect: " + "; ".join(contents["suspect"]), 0 if accept_suspect else 3)
 
@@ -274,7 +275,7 @@ def print_report(report, out):
     """The figures a user asks first, a line each."""
 
     def line(head, text):
-        click.echo(f"{head:15s} {text}")
+        print(f"{head:15s} {printable(text)}")
 
     if report["curves"]:
         before, after = report["landmark_error_before"], report["landmark_error"]
@@ -288,7 +289,8 @@ def print_report(report, out):
         line("held out", text)
     if report["dice"]:
         before, after = report["dice"]["before"], report["dice"]["after"]
-        line("Dice", f"{after:.3f} of the annotations ({before:.3f} after the best Möbius map)")
+        some = f"of {len(report['dice']['regions'])} of {report['dice']['of']} regions"
+        line("Dice", f"{after:.3f} {some} ({before:.3f} after the best Möbius map)")
     for name, (before, after) in report["r"].items():
         line(f"r({name})", f"{after:.3f} ({before:.3f} after the best Möbius map)")
     mean, deviation, most = (report[f"{name}_abs_mu"] for name in ("mean", "sd", "max"))

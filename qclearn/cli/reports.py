@@ -2,12 +2,12 @@
 
 import click
 
-from .output import say
+from .output import file_option, say
 
 
 @click.command()
 @click.argument("folders", nargs=-1, required=True, metavar="DIR...")
-@click.option("--out", required=True, help="HTML file to write; of several folders also a csv.")
+@file_option("HTML file to write; of several folders also a csv.")
 def report(folders, out):
     """Write a page on the finished registrations in DIR..., folders that `qclearn register` wrote.
 

@@ -44,7 +44,7 @@ def train(network, preset, gamma, out, data, steps, seed, quick, threads):
     changes = {name: value for name, value in changes.items() if value is not None}
     path, row = run_training(network, preset, gamma, Path(out), data, quick, threads, **changes)
     if path:
-        click.echo(
+        print(
             f"{path}: validation loss {row['validation_loss']:.4g} after {row['step']:.0f} steps, "
             f"{row['seconds']:.0f} s"
         )
@@ -115,13 +115,13 @@ def benchmark(
         peers={"with": True, "without": False}.get(peers, peers),
         programs=[program_of(text, limit) for text in programs],
     )
-    click.echo(f"{'run':38} done  certified  " + "  ".join(FIGURES.values()))
+    print(f"{'run':38} done  certified  " + "  ".join(FIGURES.values()))
     for name in sets:
-        click.echo(f"{name}:")
+        print(f"{name}:")
         for line in lines_of([row for row in results["rows"] if row["set"] == name]):
-            click.echo(line)
+            print(line)
     for name, reason in results["provenance"]["left_out"].items():
-        click.echo(f"left out: {name}: {reason}")
+        print(f"left out: {name}: {reason}")
 
 
 def lines_of(rows):

@@ -1,6 +1,5 @@
 """`qclearn open`, `transfer` and `synth`: surfaces, and values on them."""
 
-import os
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
 from pathlib import Path
@@ -12,13 +11,14 @@ from tqdm import tqdm
 import qclearn as qc
 
 from ..io.annotations import nothing_key
+from ..io.frames import side_of_name
 from ..io.hemisphere import frame_of_whole, opened, require_side
 from ..io.meshes import frame_of, read_mesh
 from ..io.values import Map, read_map
 from ..registration.transfer import frame_of_side, numbering_of_side, read_registration
 from ..registration.transfer import transfer as transfer_map
 from .given import merge_option, units_option
-from .output import say
+from .output import file_option, file_to_write, say
 
 hemisphere_option = click.option(
     "--hemisphere", type=click.Choice(["left", "right"]), help="For GIFTI, if no file names it."
@@ -36,7 +36,7 @@ hemisphere_option = click.option(
 @units_option
 @merge_option
 @hemisphere_option
-@click.option("--out", required=True, help="File; npz and GIFTI store the original numbers, too.")
+@file_option("File; npz and GIFTI store the original numbers, too.")
 def open_command(surface, mask, label, keep, reverse, units, merge, hemisphere, out):
     """Cut a closed hemisphere open at its medial wall, so that it becomes a disk."""
     if (mask is None) == (label is None):
@@ -44,10 +44,11 @@ def open_command(surface, mask, label, keep, reverse, units, merge, hemisphere, 
     closed = read_mesh(surface, units, merge)
     closed = closed._replace(faces=closed.faces[:, ::-1]) if reverse else closed
     frame = frame_of(surface)
-    require_side(mask or label, frame_of(mask or label).side, hemisphere or frame.side, surface)
+    hemisphere = agreed(hemisphere, frame.side, surface)
+    require_side(mask or label, frame_of(mask or label).side, hemisphere, surface)
     mask = qc.read_mask(mask or label, closed, keep)
     disk, original = opened(surface, closed, mask)
-    frame = frame_of_whole(replace(frame, side=hemisphere or frame.side), closed)
+    frame = frame_of_whole(replace(frame, side=hemisphere), closed)
     qc.write_surface(out, disk, original_vertices=original, frame=frame)
     count, rim = len(disk.vertices), len(disk.boundary)
     say(f"{out}: {count} of {len(closed.vertices)} vertices, boundary of {rim}")
@@ -57,6 +58,14 @@ def open_command(surface, mask, label, keep, reverse, units, merge, hemisphere, 
     if lost := int((~mask).sum() - (~mask)[original].sum()):
         reason = "they lie apart from the largest piece, or on its rim alone"
         say(f"{lost} vertices outside the mask go: {reason}")
+
+
+def agreed(hemisphere, side, name):
+    """The value of --hemisphere, or else what the file says; SurfaceError where they differ."""
+    if hemisphere and side and hemisphere != side:
+        advice = f"leave --hemisphere {hemisphere} out, or correct the name and metadata"
+        raise qc.SurfaceError(f"{name}: is of the {side} hemisphere; {advice}")
+    return hemisphere or side
 
 
 @click.command()
@@ -71,7 +80,7 @@ def open_command(surface, mask, label, keep, reverse, units, merge, hemisphere, 
     default="0",
     help="Value on the medial wall; cut: write the cut-open surface's values alone.",
 )
-@click.option("--out", required=True, help=".npy, .txt, .gii, .mgh, .annot or a morphometry name.")
+@file_option(".npy, .txt, .gii, .mgh, .annot or a morphometry name.")
 def transfer(registration, values, to, nearest, hemisphere, wall, out):
     """Carry the per-vertex file VALUES to the other surface of REGISTRATION, a registration.npz.
 
@@ -94,8 +103,9 @@ def transfer(registration, values, to, nearest, hemisphere, wall, out):
         )
     here = numberings[source].on_disk(given.values, values)
     carried = transfer_map(here, z[source], arrays[f"faces_{source}"], z[to], nearest)
+    side = agreed(hemisphere, sides[to], f"the {to} surface")
     labels = given.labels if nearest else None
-    carried = Map(carried, hemisphere or sides[to], labels, given.names, given.whole)
+    carried = Map(carried, side, labels, given.names, given.whole)
     count = write_carried(out, carried, numberings[to], wall)
     on_cortex = f", {len(z[to])} on its cortex" if count > len(z[to]) else ""
     say(f"{out}: {count} values on the {to} surface{on_cortex}")
@@ -138,7 +148,9 @@ def require_same(out, beside, cortex):
 @click.command()
 @click.option("--seed", type=int, help="Which individual  [default: 0]")
 @click.option("--vertices", type=int, default=10_000)
-@click.option("--hemisphere", type=click.Choice(["left", "right"]), help="[default: left]")
+@click.option(
+    "--hemisphere", type=click.Choice(["left", "right"]), help="[default: the name's, or left]"
+)
 @click.option("--cohort", type=int, help="Instead: the first so many subjects of the cohort.")
 @click.option("--generation", type=int, help="Of the generator  [default: other commands' one]")
 @click.option("--workers", type=int, default=2, help="Subjects of the cohort at the same time.")
@@ -157,20 +169,18 @@ def synth(seed, vertices, hemisphere, cohort, generation, workers, out):
         folder = Path(out) if out else default_folder()
         sizes = cohort, vertices, folder
         subjects = data_synth.cohort(*sizes, workers=workers, generation=generation)
-        click.echo(f"{len(subjects)} subjects in {folder}")
+        print(f"{len(subjects)} subjects in {folder}")
         return
     if out is None:
         raise click.UsageError("synth needs --out FILE.npz")
     if Path(out).suffix != ".npz" or Path(out).is_dir():
         advice = "give such an --out"
         raise click.UsageError(f"{out}: synth writes a file whose name ends in .npz; {advice}")
-    if not os.access(Path(out).absolute().parent, os.W_OK):
-        advice = "make it, or give another --out"
-        raise OSError(f"{out}: its folder does not exist or cannot be written to; {advice}")
-    seed, hemisphere = seed or 0, hemisphere or "left"
+    file_to_write(out)
+    seed, hemisphere = seed or 0, agreed(hemisphere, side_of_name(out), out) or "left"
     made = grow_with_bar(data_synth.make_cortex, seed, vertices, hemisphere, generation=generation)
     data_synth.save_cortex(out, made)
-    click.echo(f"{out}: seed {seed}, {hemisphere}, generation {generation}")
+    print(f"{out}: seed {seed}, {hemisphere}, generation {generation}")
 
 
 def grow_with_bar(make_cortex, *arguments, **options):

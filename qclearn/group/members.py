@@ -34,6 +34,12 @@ def members_of(subjects, features):
     TemplateError, FeatureError or SurfaceError, with the subject's name, where one cannot be used.
     """
     named = check_subjects(subjects)
+    seen = {}
+    for name, surface in named:
+        twin = seen.setdefault(surface.fingerprint["sha256"], name)
+        if twin != name:
+            message = f"{twin} and {name} are one surface, which would count twice"
+            raise TemplateError(f"{message}; leave one of them out")
     names, maps = check_features(features, named)
     members = [
         Member(name, surface, given, key_of(surface, given))

@@ -8,7 +8,7 @@ import nibabel
 import numpy as np
 
 from ..surfaces.surface import SurfaceError
-from .safe import FormatError, require_all
+from .safe import FormatError, require_all, sound_text, text_of
 
 # Key -1 is no region; FreeSurfer and Workbench show it so.
 NONE = ("???", (1.0, 1.0, 1.0, 0.0))
@@ -80,7 +80,7 @@ def _entries(file):
         return struct.unpack(">i", file.read(4))[0]
 
     def text():
-        return file.read(max(number(), 0)).partition(b"\0")[0].decode(errors="replace")
+        return text_of(file.read(max(number(), 0)))
 
     tag, count = number(), number()
     if tag != 1 or (count <= 0 and count != -2):
@@ -114,5 +114,5 @@ def write(path, values, labels):
         seen.add((red, green, blue))
         row[:4] = red, green, blue, 255 - alpha
     places = np.where(np.isin(values, list(none)), -1, np.searchsorted(keys, values))
-    names = [labels[key][0] for key in keys.tolist()]
+    names = [sound_text(labels[key][0]) for key in keys.tolist()]
     nibabel.freesurfer.write_annot(path, places, table, names, fill_ctab=True)

@@ -9,6 +9,13 @@ from .safe import npz_arrays, npz_bytes, write_whole
 SETTINGS = "settings.json"
 
 
+def require_home(folder):
+    """A folder in the user's cache; OSError where platformdirs knows no home folder for its ~."""
+    if not folder.is_absolute():
+        raise OSError(f"{folder}: no home folder is known; set HOME, or give another folder")
+    return folder
+
+
 class Checkpoint:
     """A folder with a run's settings and a file for each finished part; path None stores nothing.
 
@@ -42,7 +49,7 @@ class Checkpoint:
         try:
             self.path.mkdir(parents=True, exist_ok=True)
             place = self.path / self.record
-            return json.loads(place.read_text(encoding="utf-8")) if place.exists() else None
+            return json.loads(place.read_bytes()) if place.exists() else None
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
             message = f"{self.path}: cannot be used ({reason}); give another folder"

@@ -9,7 +9,8 @@ import numpy as np
 from nibabel.gifti import GiftiCoordSystem
 from nibabel.nifti1 import xform_codes
 
-from .safe import FormatError
+from ..surfaces.surface import SurfaceError
+from .safe import FormatError, printable
 
 # What a GIFTI says a surface is: its GeometricType, or, of an anatomical one, its
 # AnatomicalStructureSecondary.
@@ -110,6 +111,7 @@ def sound_volume(volume):
     if not str(geometry["valid"]).startswith("1"):
         return None
     rows = np.array([geometry[key] for key in _AXES], dtype=float)
+    geometry["filename"] = printable(str(geometry["filename"]))  # one line of a header
     if rows.shape != (4, 3) or not np.isfinite(rows).all() or abs(np.linalg.det(rows[:3])) < 0.1:
         raise FormatError("its volume geometry makes no sense")
     return geometry
@@ -119,6 +121,19 @@ def side_of_name(path):
     """ "left" or "right" where a file's name says so (lh.pial, 01.L.white.gii, hemi-R), or None."""
     sides = {match[0].lower() for match in _SIDE.findall(Path(path).name)}
     return {"l": "left", "r": "right"}[sides.pop()] if len(sides) == 1 else None
+
+
+def agreed_side(path, stated):
+    """The hemisphere that a file's metadata state, or else its name; SurfaceError where both do and
+    differ."""
+    named = side_of_name(path)
+    if stated and named and stated != named:
+        command = f"wb_command -set-structure {path} CORTEX_{named.upper()}"
+        raise SurfaceError(
+            f"its metadata are of the {stated} hemisphere, its name is of the {named} one; give it "
+            f"another name, or correct the metadata (of a GIFTI: {command})"
+        )
+    return stated or named
 
 
 def kind_of_name(path):

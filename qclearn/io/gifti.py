@@ -5,6 +5,7 @@ import colorsys
 import gzip
 import math
 import re
+import warnings
 import zlib
 from xml.parsers import expat
 
@@ -12,11 +13,12 @@ import nibabel
 import numpy as np
 from nibabel import gifti as nib
 from nibabel.gifti import GiftiCoordSystem, GiftiImage, GiftiMetaData
+from nibabel.gifti.parse_gifti_fast import GiftiImageParser
 
 from ..surfaces.surface import SurfaceError
 from .annotations import NONE, is_nothing
-from .frames import ANATOMICAL, SHAPES, TKR, Frame, kind_of_name, side_of_name, sound_volume
-from .safe import FormatError, allowance
+from .frames import ANATOMICAL, SHAPES, TKR, Frame, agreed_side, kind_of_name, sound_volume
+from .safe import FormatError, LeftOutWarning, allowance, sound_text
 
 STRUCTURES = {"left": "CortexLeft", "right": "CortexRight"}
 # FreeSurfer's volume geometry: its own names -> the endings of those that mris_convert writes into
@@ -85,6 +87,20 @@ def _announced(attributes):
     return math.prod(map(int, sides)) * nibabel.nifti1.data_type_codes.dtype[kind].itemsize
 
 
+class _Parser(GiftiImageParser):
+    """nibabel's, with the coordinate systems of any writer: one that cannot be read has none."""
+
+    def flush_chardata(self):
+        if self.write_to == "MatrixData" and self._char_blocks:  # 16 numbers in any lines
+            self._char_blocks = [" ".join("".join(self._char_blocks).split())]
+        try:
+            super().flush_chardata()
+        except (KeyError, ValueError):
+            if self.write_to not in ("DataSpace", "TransformedSpace", "MatrixData"):
+                raise
+            self.coordsys.dataspace = None
+
+
 def parse(data):
     """The nibabel image of a GIFTI file's bytes; FormatError for an array of another size."""
     sizes = _Sizes(len(data))
@@ -99,15 +115,20 @@ def parse(data):
         if type(error) is not LookupError:  # a KeyError would be a bug here
             raise
         raise FormatError(str(error)[:60]) from None  # an encoding that is none
-    return GiftiImage.from_bytes(data)
+    reader = _Parser()
+    reader.parse(data)
+    return reader.img
 
 
 def side_of_image(image):
-    """The hemisphere that an image's metadata name, or None."""
+    """The hemisphere that an image's metadata name, or None; SurfaceError where they name both."""
     metas = [image.meta, *(array.meta for array in image.darrays)]
     named = {meta.get("AnatomicalStructurePrimary") for meta in metas}
     sides = [side for side, structure in STRUCTURES.items() if structure in named]
-    return sides[0] if len(sides) == 1 else None
+    if len(sides) > 1:
+        command = "wb_command -set-structure FILE CORTEX_LEFT, or CORTEX_RIGHT"
+        raise SurfaceError(f"its metadata name both hemispheres; correct them: {command}")
+    return sides[0] if sides else None
 
 
 def surface_arrays(image):
@@ -204,11 +225,21 @@ def frame_of_image(path, image):
     shape = "Spherical" if shape == "Sphere" else shape  # FreeSurfer's word
     layer = secondary if secondary in ANATOMICAL else kind_of_name(path)
     kind = shape if shape in SHAPES else layer
-    side = side_of_image(image) or side_of_name(path)
+    side = agreed_side(path, side_of_image(image))
     if not points:
         return Frame(side)
     count = int(meta[_COUNT]) if re.fullmatch("[1-9][0-9]{0,9}", meta.get(_COUNT, "")) else None
-    return Frame(side, points[0].coordsys, _volume_of(meta), kind, count)
+    return Frame(side, _space_of(path, points[0].coordsys), _volume_of(meta), kind, count)
+
+
+def _space_of(path, space):
+    """A point set's coordinate system with a 4 x 4 matrix, or None."""
+    if space and space.dataspace is not None and np.size(space.xform) == 16:
+        return GiftiCoordSystem(space.dataspace, space.xformspace, np.reshape(space.xform, (4, 4)))
+    if space:
+        fault = "its coordinate system has an unknown name or not 4 x 4 numbers, and is left out"
+        warnings.warn(f"{path}: {fault}", LeftOutWarning, stacklevel=2)
+    return None
 
 
 def _volume_of(meta):
@@ -245,7 +276,14 @@ def surface_bytes(surface, frame, table=None):
     space = space or GiftiCoordSystem()
     points = _array(vertices.astype(np.float32), "NIFTI_INTENT_POINTSET", own, coordsys=space)
     triangles = _array(surface.faces.astype(np.int32), "NIFTI_INTENT_TRIANGLE", {})
-    return GiftiImage(meta=GiftiMetaData(meta), darrays=[points, triangles]).to_bytes()
+    return _bytes_of(GiftiImage(meta=GiftiMetaData(meta), darrays=[points, triangles]))
+
+
+def _bytes_of(image):
+    """The bytes of an image; ExpatError unless they are sound XML."""
+    data = image.to_bytes()
+    expat.ParserCreate().Parse(data, True)
+    return data
 
 
 def _kind(kind):
@@ -263,7 +301,8 @@ def _structure(side):
 
 def _array(data, intent, meta, **more):
     data = np.ascontiguousarray(data)
-    return nib.GiftiDataArray(data, intent=intent, meta=GiftiMetaData(meta), **more)
+    meta = GiftiMetaData({name: sound_text(text) for name, text in meta.items()})
+    return nib.GiftiDataArray(data, intent=intent, meta=meta, **more)
 
 
 def values_bytes(columns, side=None, labels=None, names=None):
@@ -279,7 +318,7 @@ def values_bytes(columns, side=None, labels=None, names=None):
     named = [{"Name": name} for name in names] if names else [{}] * len(columns)
     intents = {"f": "NIFTI_INTENT_SHAPE", "i": whole}
     arrays = [_array(one, intents[one.dtype.kind], own) for one, own in zip(columns, named)]
-    return GiftiImage(meta=meta, labeltable=table, darrays=arrays).to_bytes()
+    return _bytes_of(GiftiImage(meta=meta, labeltable=table, darrays=arrays))
 
 
 def table_of(values, known=None):
@@ -310,7 +349,7 @@ def _from_zero(table):
 
 def _label(key, name, colour):
     label = nib.GiftiLabel(key, *colour)
-    label.label = name
+    label.label = sound_text(name)
     return label
 
 

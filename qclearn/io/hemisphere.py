@@ -169,6 +169,8 @@ def frame_of_whole(frame, surface):
 def require_side(path, side, other, owner):
     """SurfaceError where a file and the surface that it is for are of different hemispheres."""
     if side and other and side != other:
-        advice = f"give the {other} one's, or rename what has a wrong name"
+        advice = (
+            f"give the {other} one's, or correct its name and metadata (wb_command -set-structure)"
+        )
         message = f"is of the {side} hemisphere, {owner} of the {other} one"
         raise SurfaceError(f"{path}: {message}; {advice}")

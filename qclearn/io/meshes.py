@@ -1,6 +1,7 @@
 """Reading and writing surfaces; every fault of a file becomes a SurfaceError that names it."""
 
 import io
+import re
 import subprocess
 import sys
 import warnings
@@ -15,8 +16,9 @@ from numpy import ndarray
 from ..surfaces.surface import Mesh, Surface, SurfaceError
 from ..surfaces.units import UNITS, size_of
 from . import foreign, gifti, meshformats, safe
-from .frames import TKR, Frame, frame_of_text, kind_of_name, side_of_name, sound_volume
+from .frames import TKR, Frame, agreed_side, frame_of_text, kind_of_name, side_of_name, sound_volume
 
+_VOLUME_KEYS = ("valid", "filename", "volume", "voxelsize", "xras", "yras", "zras", "cras")
 _FREESURFER_SUFFIXES = (
     "", ".pial", ".white", ".inflated", ".sphere", ".reg", ".orig", ".nofix", ".smoothwm",
     ".midthickness", ".graymid",
@@ -103,23 +105,21 @@ def frame_of(path):
         if suffix_of(path) == ".gii":
             return gifti.frame_of_image(path, gifti.parse(data))
         if suffix_of(path) == ".npz":
-            return _frame_of_npz(data, named)
+            return _frame_of_npz(path, data, named)
         if foreign.freesurfer_kind(data) == foreign.SURFACE:
-            _check_freesurfer(data)
-            volume = nibabel.freesurfer.read_geometry(path, read_metadata=True)[2]
-            volume = sound_volume(volume) if volume else None
+            volume = _volume_of(_freesurfer_parts(data)[2])
             return replace(named, space=TKR if volume else None, volume=volume)
     return named
 
 
-def _frame_of_npz(data, named):
+def _frame_of_npz(path, data, named):
     """The Frame of an npz's `about` and `whole_faces`, or a subject's `hemisphere`, or `named`."""
     arrays = safe.npz_arrays(data, lambda key: key in ("about", "whole_faces", "hemisphere"))
     if "about" in arrays:
         frame = frame_of_text(arrays["about"], arrays.get("whole_faces"))
-        return replace(frame, side=frame.side or named.side, kind=frame.kind or named.kind)
+        return replace(frame, side=agreed_side(path, frame.side), kind=frame.kind or named.kind)
     side = str(arrays.get("hemisphere"))
-    return replace(named, side=side) if side in gifti.STRUCTURES else named
+    return replace(named, side=agreed_side(path, side)) if side in gifti.STRUCTURES else named
 
 
 def write_surface(
@@ -141,6 +141,9 @@ def write_surface(
     path = Path(path)
     frame = frame or Frame()
     suffix = suffix_of(path)
+    with safe.explain(path, "name"):
+        side = agreed_side(path, frame.side)
+        _require_plain(surface.curves if suffix == ".npz" else ())
     numbers = original_vertices if original_vertices is not None else surface.original_vertices
     numbers = None if numbers is None else np.asarray(numbers)
 
@@ -148,7 +151,6 @@ def write_surface(
         if suffix == ".npz":
             _write_npz(place, surface, numbers, frame)
         elif suffix == ".gii":
-            side = frame.side or side_of_name(path)
             full = replace(frame, side=side, kind=frame.kind or kind_of_name(path))
             place.write_bytes(gifti.zipped(path, gifti.surface_bytes(surface, full, numbers)))
         elif suffix in _WRITERS:
@@ -200,11 +202,16 @@ def _read_npz(_, data):
         names = " and ".join(sorted(missing))
         raise SurfaceError(f"lacks the array {names}; save vertices (V, 3), faces (F, 3)")
     curves = {k.removeprefix("curve_"): v for k, v in arrays.items() if k.startswith("curve_")}
+    _require_plain(curves)
+    return arrays["vertices"], arrays["faces"], curves, arrays.get("original_vertices")
+
+
+def _require_plain(curves):
+    """SurfaceError where a curve's name cannot be shown."""
     bad = next((name for name in curves if not safe.is_plain_name(name)), None)
     if bad is not None:
         message = "has a curve whose name is too long or holds control characters"
         raise SurfaceError(f"{message}, {bad[:40]!r}; rename it")
-    return arrays["vertices"], arrays["faces"], curves, arrays.get("original_vertices")
 
 
 def _write_npz(path, surface, original_vertices, frame):
@@ -218,13 +225,13 @@ def _write_npz(path, surface, original_vertices, frame):
     path.write_bytes(safe.npz_bytes({"vertices": surface.vertices, "faces": surface.faces, **more}))
 
 
-def _read_freesurfer(path, data):
-    _check_freesurfer(data)
-    return nibabel.freesurfer.read_geometry(path)
+def _read_freesurfer(_, data):
+    return _freesurfer_parts(data)[:2]
 
 
-def _check_freesurfer(data):
-    """FormatError unless as much is there as the counts after the two lines of the header say."""
+def _freesurfer_parts(data):
+    """Vertices, faces and what follows them in FreeSurfer's triangles; FormatError unless as much
+    is there as the counts after the two lines of the header say."""
     counts = data[3:].split(b"\n", 2)[2:]
     if not counts or len(counts[0]) < 8:
         raise safe.FormatError("the header is incomplete")
@@ -232,6 +239,28 @@ def _check_freesurfer(data):
     records = (len(counts[0]) - 8) // 12
     safe.require_all("vertex", records, n_vertices)
     safe.require_all("face", records - n_vertices, n_faces)
+    vertices = np.frombuffer(counts[0], ">f4", 3 * n_vertices, 8).reshape(-1, 3).astype(float)
+    start = 8 + vertices.size * 4
+    faces = np.frombuffer(counts[0], ">i4", 3 * n_faces, start).reshape(-1, 3)
+    return vertices, faces.astype(np.int64), counts[0][start + faces.nbytes :]
+
+
+def _volume_of(footer):
+    """The volume geometry behind FreeSurfer's faces, or None; FormatError where it is incomplete.
+
+    Its path may have any letters, = among them.
+    """
+    head = re.match(b"(\0\0\0\2\0\0\0\0)?\0\0\0\x14", footer)
+    if head is None:
+        return None
+    rows = footer[head.end() :].split(b"\n")[: len(_VOLUME_KEYS)]
+    entries = [safe.text_of(row).partition("=") for row in rows]
+    volume = {key.strip(): text.strip() for key, _, text in entries}
+    if tuple(volume) != _VOLUME_KEYS:
+        raise safe.FormatError("its volume geometry is incomplete")
+    volume |= {key: list(map(float, volume[key].split())) for key in _VOLUME_KEYS[3:]}
+    volume["volume"] = list(map(int, volume["volume"].split()))
+    return sound_volume({"head": np.frombuffer(head[0], ">i4"), **volume})
 
 
 def _read_vtk(path, data):

@@ -19,14 +19,14 @@ def commit():
     try:
         changes = "+changes" if git("status", "--porcelain", "-uno") else ""
         return git("rev-parse", "HEAD") + changes
-    except FileNotFoundError:  # no git
+    except OSError:  # no git, or none that may be run
         return ""
 
 
 def processor():
     """The processor's name where the system tells it."""
     try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        lines = Path("/proc/cpuinfo").read_text("utf-8", errors="replace").splitlines()
         return next(line.split(":")[1].strip() for line in lines if line.startswith("model name"))
     except (OSError, StopIteration):
         return platform.processor() or platform.machine()

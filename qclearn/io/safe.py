@@ -37,11 +37,17 @@ _BAD_BYTES = (
     ValueError, OverflowError, EOFError, OSError,
     struct.error, zlib.error, zipfile.BadZipFile, ExpatError,
 )  # fmt: skip
+# What XML cannot hold, nor UTF-8 (surrogates), nor a reader give back (a carriage return).
+_UNSOUND = re.compile("[^\t\n -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _LIBRARIES = {"nibabel", "numpy", "plyfile", "zipfile", "gzip", "xml", "ast", "tokenize", "json"}
 
 
 class FormatError(ValueError):
     """What is wrong in the bytes of a file; the reader adds the path and the remedy."""
+
+
+class LeftOutWarning(UserWarning):
+    """What a reader leaves out of a file that is sound otherwise."""
 
 
 def allowance(size):
@@ -98,6 +104,7 @@ def explain(path, kind, lead="not a readable"):
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
+            warnings.simplefilter("always", LeftOutWarning)
             yield
     except SurfaceError as error:
         raise SurfaceError(f"{path}: {error}") from None
@@ -260,6 +267,20 @@ def _runs(process):
 def is_plain_name(name):
     """Whether a curve's name can be shown: up to 200 characters, no control characters."""
     return len(name) <= 200 and name.isprintable()
+
+
+def text_of(data):
+    """The text of bytes up to a NUL, behind which programs leave rubbish: UTF-8, else Latin-1."""
+    data = data.partition(b"\0")[0]
+    try:
+        return data.decode()
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def sound_text(text):
+    """A text for XML and UTF-8: what they cannot hold is escaped, as in \\x1b."""
+    return _UNSOUND.sub(lambda match: ascii(match[0])[1:-1], text)
 
 
 def printable(text):

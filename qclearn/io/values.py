@@ -10,9 +10,9 @@ import numpy as np
 from jaxtyping import Bool, Real
 from numpy import ndarray
 
-from ..surfaces.surface import Surface, SurfaceError
+from ..surfaces.surface import Mesh, Surface, SurfaceError
 from . import annotations, foreign, gifti
-from .frames import side_of_name
+from .frames import agreed_side, side_of_name
 from .meshes import is_freesurfer_name, suffix_of
 from .safe import FormatError, explain, npy_array, read_bytes, require_all, write_whole
 
@@ -33,7 +33,7 @@ _REFUSED = {
 Values = Real[ndarray, " V *k"] | Bool[ndarray, " V *k"]
 
 
-def read_mask(path: str | Path, surface: Surface, keep: bool = False) -> Bool[ndarray, " V"]:
+def read_mask(path: str | Path, surface: Surface | Mesh, keep: bool = False) -> Bool[ndarray, " V"]:
     """Mask of the vertices to cut away: those that a file names or gives a nonzero value.
 
     Files: a FreeSurfer .label, or one number a vertex as of `read_values`. keep=True: the file says
@@ -149,7 +149,7 @@ def read_map(path):
 def _read_gifti(path, data):
     image = gifti.parse(data)
     names = [array.meta.get("Name", "") for array in gifti.maps_of(image)]
-    side = gifti.side_of_image(image) or side_of_name(path)
+    side = agreed_side(path, gifti.side_of_image(image))
     labels = gifti.labels_of(image) or None
     values, whole = gifti.values_of(image)
     return Map(values, side, labels, names if all(names) else None, whole)
@@ -194,8 +194,9 @@ def write_values(
     if values.dtype.kind not in "biuf" or values.ndim not in (1, 2):
         advice = "give (V,) or (V, k), real and imaginary apart"
         raise SurfaceError(f"{path}: {values.dtype} {values.shape} cannot be written; {advice}")
+    with explain(path, "name"):
+        side = agreed_side(path, side)
     if suffix == ".gii":
-        side = side or side_of_name(path)
         names = names or gifti.names_of(path, values)
         columns = list(_fitting(path, values).reshape(len(values), -1).T)
         for k in np.flatnonzero(whole or []):
@@ -294,9 +295,10 @@ def _read_mgh(_, data):
     return values[:, 0] if shape[3] == 1 else values
 
 
-def _read_txt(path, data):
-    whole = re.fullmatch(rb"[\s\d+-]*", data)  # NumPy would also cut 0.5 to 0
-    return np.loadtxt(path, ndmin=1, dtype=np.int64 if whole else np.float64)
+def _read_txt(_, data):
+    text = data.decode("utf-8-sig")  # Windows puts a byte order mark before it
+    whole = re.fullmatch(r"[\s\d+-]*", text)  # NumPy would also cut 0.5 to 0
+    return np.loadtxt(text.splitlines(), ndmin=1, dtype=np.int64 if whole else np.float64)
 
 
 def _write_npy(path, values):

@@ -7,6 +7,7 @@ on stdout, two .npy arrays; 1: the reason as text.
 
 import contextlib
 import io
+import os
 import sys
 
 import numpy as np
@@ -21,7 +22,7 @@ def read(path):
     complaints = vtkStringOutputWindow()
     vtkOutputWindow.SetInstance(complaints)
     reader = vtkXMLPolyDataReader() if path.lower().endswith(".vtp") else vtkPolyDataReader()
-    reader.SetFileName(path)
+    reader.SetFileName(os.fsencode(path))
     reader.Update()
     mesh = reader.GetOutput()
     if complaints.GetOutput():

@@ -10,6 +10,7 @@ from pathlib import Path
 import torch
 from platformdirs import user_cache_path
 
+from ..io.checkpoint import require_home
 from ..io.provenance import commit
 from . import TrainingError, build, save_weights, train
 from .networks import gamma_fault
@@ -43,7 +44,7 @@ def run_training(
     recipe = replace(row.training[preset], **changes)
     torch.manual_seed(recipe.seed)  # of the parameters' first values
     model = build(network, given | ({} if gamma is None else {"gamma": gamma}))
-    folder = Path(data) if data else user_cache_path("qclearn") / "training"
+    folder = Path(data) if data else require_home(user_cache_path("qclearn") / "training")
     training, validation = row.draw(model.config, folder, quick)
     last = train(model, training, validation, recipe, out)
     if os.environ.get("RANK", "0") != "0":

@@ -191,7 +191,8 @@ class Log:
         self.path = folder / "log.csv"
         self.start = time.perf_counter() - seconds
         self.sums = sums
-        with self.path.open(newline="") if self.path.exists() else open(os.devnull) as file:
+        path = self.path if self.path.exists() else os.devnull
+        with open(path, newline="", encoding="utf-8-sig") as file:
             self.rows = [row for row in csv.DictReader(file) if int(row["step"]) <= step]
 
     def add(self, loss, figures):

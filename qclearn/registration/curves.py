@@ -423,29 +423,16 @@ SCANNER = "scanner"
 
 def read_points(path):
     """Points of a csv file with the COLUMNS: dict name -> side -> (n, 3), each in its order,
-    numbers or begin and end. LandmarkError, naming file and line, where a column, a side, a number
-    or a place in the order is missing."""
-    try:
-        text = read_bytes(Path(path)).decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise LandmarkError(f"{path}: not a text file; export the table as csv in UTF-8") from None
-    rows = csv.DictReader(
-        io.StringIO(text), delimiter=max(",;\t", key=text.partition("\n")[0].count)
-    )
-    missing = [column for column in COLUMNS if column not in (rows.fieldnames or ())]
-    if missing:
-        raise LandmarkError(
-            f"{path}: no column {', '.join(missing)}; the first line names {', '.join(COLUMNS)}"
-        )
+    numbers or begin and end. Cells may be parted by commas, semicolons or tabs, in the last two
+    cases with decimal commas. LandmarkError, naming file and line, where a column, a cell, a side,
+    a number or a place in the order is missing."""
     # Curve -> side -> place in the order -> point.
     curves = defaultdict(lambda: {side: {} for side in SIDES})
-    for row in rows:
-        name, side, place, point = _point(row, f"{path}, line {rows.line_num}")
+    for where, row in _rows(path):
+        name, side, place, point = _point(row, where)
         points = curves[name][side]
         if place in points:
-            raise LandmarkError(
-                f"{path}, line {rows.line_num}: {name!r} has this place twice on the {side} side"
-            )
+            raise LandmarkError(f"{where}: {name!r} has this place twice on the {side} side")
         points[place] = point
     if not curves:
         raise LandmarkError(f"{path}: holds no points; give a line for each")
@@ -460,20 +447,60 @@ def read_points(path):
     return dict(curves)
 
 
+def _rows(path):
+    """(place in the file, dict column -> cell) of each row of a table that is not blank."""
+    data = read_bytes(Path(path))
+    try:
+        lines = io.StringIO(data.decode("utf-8-sig"), newline=None)  # CR, LF or both
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise LandmarkError(
+            f"{path}, line {line}: not a text file in UTF-8; export the table as csv in UTF-8"
+        ) from None
+    separator = max(",;\t", key=lines.readline().count)
+    lines.seek(0)
+    rows = csv.DictReader(lines, delimiter=separator)
+    try:
+        rows.fieldnames = [cell.strip().lower() for cell in rows.fieldnames or ()]
+        if wrong := [column for column in COLUMNS if rows.fieldnames.count(column) != 1]:
+            raise LandmarkError(
+                f"{path}: no column {', '.join(wrong)}, or two; the first line names "
+                f"{', '.join(COLUMNS)}"
+            )
+        for row in rows:
+            where = f"{path}, line {rows.line_num}"
+            beyond = "".join(row.pop(None, ())).strip()
+            if beyond or any(cell and not cell.isspace() for cell in row.values()):
+                if beyond or None in map(row.get, COLUMNS):
+                    raise LandmarkError(
+                        f"{where}: its cells are not as many as the first line's; fill in what is "
+                        "missing, and give numbers a decimal point or part the cells by semicolons"
+                    )
+                if separator != ",":
+                    row |= {column: row[column].replace(",", ".") for column in COLUMNS[2:]}
+                yield where, row
+    except csv.Error as error:
+        advice = "check its quotes, or export the table again"
+        raise LandmarkError(f"{path}, line {rows.line_num + 1}: {error}; {advice}") from None
+
+
 def _point(row, where):
-    side, order = ((row[column] or "").strip().lower() for column in ("side", "order"))
+    name = " ".join(row["name"].split())  # of a cell with line breaks, too
+    side, order = (row[column].strip().lower() for column in ("side", "order"))
+    if not name:
+        raise LandmarkError(f"{where}: no name; write the curve's name in each line")
     if side not in SIDES:
         raise LandmarkError(f"{where}: the side is {side!r}; write moving or control")
     try:
         place = PLACES[order] if order in PLACES else float(order)
         point = [float(row[axis]) for axis in "xyz"]
-    except (TypeError, ValueError):
+    except ValueError:
         raise LandmarkError(
             f"{where}: order must be a number, begin or end, and x, y, z numbers in mm"
         ) from None
     if np.isnan(place) or not np.isfinite(point).all():
         raise LandmarkError(f"{where}: not a finite number")
-    return row["name"].strip(), side, place, point
+    return name, side, place, point
 
 
 def spaces(frame):

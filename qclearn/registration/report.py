@@ -24,9 +24,9 @@ NAMELESS = ("", "???", "unknown")  # regions that are none
 
 
 def check_annotations(annotations, *surfaces):
-    """Both sides' regions as numbers (V,) and (W,), -1 for those that are not on both, and their
-    names (R,); None where there are no annotations. SurfaceError where counts do not fit, or no
-    region is on both sides."""
+    """Both sides' regions as numbers (V,) and (W,), -1 for those that are not on both, their names
+    (R,), and the count of regions of the side that has more; None where there are no annotations.
+    SurfaceError where counts do not fit, or no region is on both sides."""
     if annotations is None:
         return None
     if not isinstance(annotations, (list, tuple)) or len(annotations) != len(SIDES):
@@ -43,7 +43,8 @@ def check_annotations(annotations, *surfaces):
             "rename"
         )
     numbers = [np.where(np.isin(own, shared), np.searchsorted(shared, own), -1) for own in names]
-    return *numbers, shared.tolist()
+    regions = [np.setdiff1d(np.char.lower(own), NAMELESS) for own in names]
+    return *numbers, shared.tolist(), max(map(len, regions))
 
 
 def of_vertices(side, names, surface):
@@ -74,12 +75,13 @@ def dice(pair, regions, *maps):
 
     `2 |A n B| / (|A| + |B|)`, |.| the moving surface's area, A a region of the moving side and B
     the control's of that name where the map takes its vertices: `{"before", "after"}`, the mean
-    weighted by |A| + |B|, and `"regions"`: name -> [before, after]. Empty where there are none.
+    weighted by |A| + |B|, `"regions"`: name -> [before, after], and `"of"`: how many regions the
+    side with more of them has. Empty where there are none.
     Source: Dice 1945.
     """
     if regions is None:
         return {}
-    own, on_control, names = regions
+    own, on_control, names, count = regions
     areas = pair.moving.surface.vertex_areas
     disk = pair.control.disk
 
@@ -95,7 +97,7 @@ def dice(pair, regions, *maps):
         both = areas_of(np.where(own == carried, own, -1))
         rows.append([2 * both.sum() / total.sum(), *(2 * both / total)])
     (before, after), *rest = np.transpose(rows).tolist()
-    return {"before": before, "after": after, "regions": dict(zip(names, rest))}
+    return {"before": before, "after": after, "regions": dict(zip(names, rest)), "of": count}
 
 
 def report_of(pair, landmarks, weights, fit, points, regions, against):

@@ -8,6 +8,7 @@ import io
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 
@@ -76,18 +77,20 @@ def write_group(folders, out):
     ReportError where a folder is given twice, is not whole, or has another control than the first.
     """
     out = require_html(out)
-    repeated = [folder for k, folder in enumerate(folders) if folder in folders[:k]]
-    if repeated:
-        raise ReportError(f"{repeated[0]}: given twice")
     first = read_finished(folders[0])
     view = InflatedView(first.control.surface)
     subjects = []
+    seen = {}
     sums = 0.0
     for folder, name in zip(folders, short_names(folders)):
         registration = read_finished(folder)
         if registration.control.surface.fingerprint != first.control.surface.fingerprint:
             difference = f"its control is not that of {folders[0]}"
             raise ReportError(f"{folder}: {difference}; give folders of one control")
+        twin = seen.setdefault(registration.moving.surface.fingerprint["sha256"], folder)
+        if len(seen) == len(subjects):
+            again = "given twice" if twin == folder else f"its subject is that of {twin}"
+            raise ReportError(f"{folder}: {again}; a group counts each subject once")
         maps = registration.maps()
         sums = sums + np.stack([maps.before, maps.after, maps.after**2])
         picture = ""
@@ -98,7 +101,7 @@ def write_group(folders, out):
         subjects.append(Subject(name, Path(folder), figures, suspect, picture, page))
     subjects = sorted(scored(subjects), key=lambda subject: (not subject.broken, -subject.worst))
     text = group_page(subjects, first, view, sums / len(folders), out.with_suffix(".csv").name)
-    write_text(out.with_suffix(".csv"), csv_of(subjects))
+    write_text(out.with_suffix(".csv"), csv_of(subjects), "utf-8-sig")  # Excel needs the mark
     write_text(out, text)
 
 
@@ -123,6 +126,7 @@ def group_page(subjects, first, view, means, csv_name):
         fewest=FEWEST,
         odd_z=ODD,
         csv=csv_name,
+        csv_address=quote(os.fsencode(csv_name)),
         contrast={name: deviation(curvatures[name], areas) for name in ("before", "after")},
         pictures=view.pictures(curvatures, PICTURES),
         scene=view.scene(scene),
@@ -138,7 +142,9 @@ def address_of(page, out):
     """The address of a subject's own page as seen from the group's; "" if there is none."""
     if not page.is_file():
         return ""
-    return Path(os.path.relpath(page.resolve(), out.resolve().parent)).as_posix()
+    return quote(
+        os.fsencode(Path(os.path.relpath(page.resolve(), out.resolve().parent)).as_posix())
+    )
 
 
 def short_names(folders):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from ..io.safe import write_whole
+from ..io.safe import sound_text, write_whole
 from .finished import ReportError
 
 
@@ -44,7 +44,7 @@ def require_html(path):
     return path
 
 
-def write_text(path, text):
-    """Write a text file, whole or not at all."""
-    data = text.encode()
+def write_text(path, text, encoding="utf-8"):
+    """Write a text file, whole or not at all; what its encoding cannot hold is escaped."""
+    data = sound_text(text).encode(encoding)
     write_whole(path, lambda place: place.write_bytes(data), len(data))

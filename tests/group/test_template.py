@@ -224,6 +224,7 @@ SOME = list(SURFACES.values())
         (changed(generation=(2, 3)), {}, qc.TemplateError, "more than one generation .subject 1: 2, subject 2: 3."),
         (changed(hemisphere=("left", "right")), {}, qc.TemplateError, "more than one hemisphere"),
         ({"a": SOME[0], "b": Surface(SOME[1].vertices, SOME[1].faces[:, ::-1])}, {}, SurfaceError, "b: .* inward"),
+        ({"a": SOME[0], "b": SOME[1], "c": SOME[0]}, {}, qc.TemplateError, "^a and c are one surface, .*leave one"),
         ({"a": SOME[0], "b": Surface(SOME[1].vertices / 12, SOME[1].faces)}, {}, SurfaceError, "the b .*--units m"),
         (SOME, {"features": ["sulc"]}, FeatureError, "unknown feature 'sulc': depth and curvature are computed"),
         (SOME, {"features": "depth"}, FeatureError, "give a list of them"),
@@ -312,7 +313,9 @@ def test_the_command_names_who_is_left_out(found, tmp_path, monkeypatch, capsys)
         ({"hemisphere": ("left", "right")}, [], "subjects of more than one hemisphere"),
         ({"hemisphere": ("left", "left")}, ["--mirror", "0.npz"], "subjects of more than one hemisphere"),
         ({}, ["--mirror", "lh.pial"], "--mirror lh.pial: not one of the subjects"),
-        ({}, ["0.npz"], "a subject is given twice"),
+        ({}, ["0.npz"], "0.npz: a subject is given twice"),
+        ({}, ["./0.npz"], "0.npz and ./0.npz are one surface"),
+        ({}, ["--out", "0.npz/out"], "0.npz/out: not a folder that can be written to"),
         ({}, ["--rounds", "-1"], "-1 rounds"),
     ],
 )

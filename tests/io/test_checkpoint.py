@@ -1,11 +1,12 @@
 """Stopped runs go on from their folder, and a folder of another run is refused."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from qclearn.io.checkpoint import Checkpoint
+from qclearn.io.checkpoint import Checkpoint, require_home
 
 
 class RunError(ValueError):
@@ -47,3 +48,10 @@ def test_files_of_others_are_refused_unless_the_folder_is_shared(tmp_path):
         Checkpoint(tmp_path, {}, RunError)
     Checkpoint(tmp_path, {}, RunError, record="config.json", shared=True)
     assert (tmp_path / "config.json").is_file()
+
+
+def test_the_cache_lies_in_a_home_folder_that_is_known(tmp_path):
+    """platformdirs leaves ~ where there is no HOME and the user has no name, as in containers."""
+    assert require_home(tmp_path / "cohort") == tmp_path / "cohort"
+    with pytest.raises(OSError, match="~/.cache/qclearn/cohort: no home folder is known; set HOME"):
+        require_home(Path("~/.cache/qclearn/cohort"))

@@ -1,6 +1,7 @@
 """What other programs find in a GIFTI file that is written here, read back with nibabel."""
 
 from dataclasses import replace
+from xml.dom import minidom
 
 import nibabel
 import numpy as np
@@ -9,8 +10,10 @@ from nilearn.surface import load_surf_mesh
 
 from freesurfer import GEOMETRY
 from known_surfaces import grid
-from qclearn.io.frames import Frame, kind_of_name, side_of_name
+from qclearn.io.annotations import NONE
+from qclearn.io.frames import Frame, frame_of_text, kind_of_name, side_of_name
 from qclearn.io.meshes import frame_of, read_surface, write_surface
+from qclearn.io.safe import LeftOutWarning
 from qclearn.io.values import read_map, read_values, write_values
 from qclearn.surfaces.surface import Surface, SurfaceError
 
@@ -283,3 +286,97 @@ def damaged(tmp_path, old, new):
 def test_sizes_that_are_not_true_are_refused(tmp_path, old, new, message):
     with pytest.raises(SurfaceError, match=f"v.shape.gii: .*{message}"):
         read_values(damaged(tmp_path, old, new))
+
+
+# Text of any writer
+
+
+def with_matrix(path, text):
+    """Replace the matrix of a GIFTI surface's coordinate system."""
+    head, start, rest = path.read_bytes().partition(b"<MatrixData>")
+    path.write_bytes(head + start + text.encode() + rest[rest.index(b"</MatrixData>") :])
+
+
+@pytest.mark.parametrize("between", [" ", "\n", "\n\n  \t"])
+def test_a_matrix_is_read_in_any_lines(tmp_path, between):
+    path = tmp_path / "lh.surf.gii"
+    write_surface(path, Surface(*grid(3, 3)), frame=Frame(space=nibabel.gifti.GiftiCoordSystem(1, 3, CENTRE)))
+    with_matrix(path, between.join(map(str, CENTRE.ravel())))
+    frame = frame_of(path)
+    np.testing.assert_array_equal(frame.space.xform, CENTRE)
+    assert frame_of_text(frame.text).text == frame.text
+
+
+@pytest.mark.parametrize("text", ["1 0 0 0 1 0 0 0 1", "1,0,0,0 0,1,0,0 0,0,1,0 0,0,0,1", "none"])
+def test_another_matrix_is_left_out_with_a_word_and_what_is_written_is_read(tmp_path, text):
+    path = tmp_path / "lh.surf.gii"
+    write_surface(path, Surface(*grid(3, 3)), frame=Frame(space=nibabel.gifti.GiftiCoordSystem(1, 3, CENTRE)))
+    with_matrix(path, text)
+    with pytest.warns(LeftOutWarning, match="lh.surf.gii: its coordinate system .* is left out"):
+        frame = frame_of(path)
+    assert frame.space is None and frame_of_text(frame.text) == frame
+    write_surface(tmp_path / "lh.again.surf.gii", read_surface(path), frame=frame)
+    assert frame_of(tmp_path / "lh.again.surf.gii").side == "left"
+
+
+def test_an_unknown_name_of_a_space_refuses_no_surface(tmp_path):
+    path = tmp_path / "lh.surf.gii"
+    write_surface(path, Surface(*grid(3, 3)))
+    path.write_bytes(path.read_bytes().replace(b"NIFTI_XFORM_UNKNOWN</DataSpace>", b"NIFTI_XFORM_PIGLET</DataSpace>"))
+    with pytest.warns(LeftOutWarning, match="lh.surf.gii: its coordinate system has an unknown name"):
+        assert frame_of(path).space is None
+    assert len(read_surface(path).vertices) == 16
+
+
+def test_names_of_any_letters_are_written_as_xml_and_read_again(tmp_path):
+    names = ["a\tb & <c>", "M\udcfcller", "red\x1b[31m", "end\0\x10"]
+    labels = {k: (name, (0.1 * k, 0.5, 0.5, 1.0)) for k, name in enumerate(names)}
+    for name in ("lh.a.label.gii", "lh.a.annot"):
+        write_values(tmp_path / name, np.arange(4), labels=labels)
+        found = read_map(tmp_path / name).labels
+        assert [found[k][0] for k in range(4)] == ["a\tb & <c>", r"M\udcfcller", r"red\x1b[31m", r"end\x00\x10"]
+    path = tmp_path / "v\udcfc.shape.gii"
+    write_values(path, np.ones(4), names=["M\udcfc"])
+    assert minidom.parseString(path.read_bytes()) and read_map(path).names == [r"M\udcfc"]
+
+
+def test_xml_that_is_not_sound_takes_no_place(tmp_path, monkeypatch):
+    monkeypatch.setattr("qclearn.io.gifti.sound_text", lambda text: text)
+    with pytest.raises(SurfaceError, match="a.label.gii: .*label table"):
+        write_values(tmp_path / "a.label.gii", np.arange(2), labels={0: ("a\x01", NONE[1]), 1: ("b", NONE[1])})
+    assert not list(tmp_path.iterdir())
+
+
+# Metadata and name
+
+
+@pytest.mark.parametrize("name", ["lh.a.surf.gii", "lh.a.npz", "sub-01_hemi-L_a.shape.gii"])
+def test_metadata_and_a_name_that_differ_are_refused_with_the_command_that_corrects_them(tmp_path, name):
+    path, other = tmp_path / name, tmp_path / name.replace("lh", "rh").replace("-L", "-R")
+    if "shape" in name:
+        write_values(path, np.ones(4), side="left")
+    else:
+        write_surface(path, Surface(*grid(3, 3)), frame=Frame("left"))
+    path.rename(other)
+    words = "metadata are of the left hemisphere, its name is of the right one; .*wb_command -set-structure .*_RIGHT"
+    with pytest.raises(SurfaceError, match=f"{other.name}: its {words}"):
+        frame_of(other)
+    if "shape" in name:
+        with pytest.raises(SurfaceError, match=f"{other.name}: its {words}"):
+            read_values(other)
+
+
+def test_a_name_that_differs_is_not_written(tmp_path):
+    with pytest.raises(SurfaceError, match="rh.a.shape.gii: its metadata are of the left hemisphere"):
+        write_values(tmp_path / "rh.a.shape.gii", np.ones(4), side="left")
+    with pytest.raises(SurfaceError, match="lh.a.npz: its metadata are of the right hemisphere"):
+        write_surface(tmp_path / "lh.a.npz", Surface(*grid(3, 3)), frame=Frame("right"))
+    assert not list(tmp_path.iterdir())
+
+
+def test_metadata_of_both_hemispheres_are_refused(tmp_path):
+    path = tmp_path / "a.surf.gii"
+    write_surface(path, Surface(*grid(3, 3)), frame=Frame("left"))
+    path.write_bytes(path.read_bytes().replace(b"CortexLeft", b"CortexRight", 1))
+    with pytest.raises(SurfaceError, match="a.surf.gii: its metadata name both hemispheres; .*-set-structure"):
+        frame_of(path)

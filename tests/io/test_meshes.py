@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 import pyvista
 
+from freesurfer import GEOMETRY
 from known_surfaces import grid
-from qclearn.io.meshes import SlitWarning, read_surface, write_surface
+from qclearn.io.meshes import SlitWarning, frame_of, read_surface, write_surface
 from qclearn.io.values import read_mask
 from qclearn.surfaces.surface import Surface, SurfaceError
 
@@ -150,6 +151,28 @@ def test_freesurfer_is_known_by_its_content_and_keeps_stored_coordinates(tmp_pat
     np.testing.assert_array_equal(read_surface(path).vertices, tent.vertices.astype(np.float32))
 
 
+@pytest.mark.parametrize("path", ["/data/run=1/orig.mgz", "/home/M\xfcller/orig.mgz", "orig.mgz\0\x10 = 7"])
+def test_freesurfers_stamp_and_path_may_hold_any_letters(tmp_path, tent, path):
+    """Latin-1 of an old machine, = and what stands behind a NUL; FreeSurfer asks for none of it."""
+    file = tmp_path / "lh.pial"
+    nibabel.freesurfer.write_geometry(file, tent.vertices, tent.faces, "created by JOSE", GEOMETRY)
+    data = file.read_bytes().replace(b"JOSE", b"Jos\xe9").replace(b"= orig.mgz", b"= " + path.encode("latin-1"))
+    file.write_bytes(data)
+    np.testing.assert_array_equal(read_surface(file).vertices, tent.vertices.astype(np.float32))
+    frame = frame_of(file)
+    assert frame.volume["filename"] == path.partition("\0")[0] and frame.volume["cras"] == GEOMETRY["cras"]
+    write_surface(tmp_path / "lh.again", tent, frame=frame)
+    assert frame_of(tmp_path / "lh.again").volume == frame.volume
+
+
+def test_a_volume_without_its_last_lines_is_refused(tmp_path, tent):
+    nibabel.freesurfer.write_geometry(tmp_path / "lh.pial", tent.vertices, tent.faces, volume_info=GEOMETRY)
+    data = (tmp_path / "lh.pial").read_bytes()
+    (tmp_path / "lh.pial").write_bytes(data[: data.index(b"zras")])
+    with pytest.raises(SurfaceError, match="lh.pial: .*volume geometry is incomplete"):
+        frame_of(tmp_path / "lh.pial")
+
+
 PLY_HEADER = (
     "ply", "format ascii 1.0", "comment by hand", "element vertex 3", "property float x", "property uchar red",
     "property float y", "property double z", "element face 1", "property int label",
@@ -280,6 +303,13 @@ def test_npz_curves_with_names_that_cannot_be_shown_are_refused(tmp_path, tent):
     for name in ("\x1b]0;x", "A" * 300):
         np.savez(tmp_path / "a.npz", vertices=tent.vertices, faces=tent.faces, **{f"curve_{name}": [1, 2]})
         refused(tmp_path / "a.npz", "too long or holds control characters", "rename")
+
+
+def test_npz_curves_that_no_reader_takes_are_not_written(tmp_path, tent):
+    for name in ("a\tb", "M\udcfcller"):
+        with pytest.raises(SurfaceError, match="a.npz: has a curve whose name is too long or holds control"):
+            write_surface(tmp_path / "a.npz", Surface(tent.vertices, tent.faces, {name: [1, 2]}))
+    assert not list(tmp_path.iterdir())
 
 
 def test_freesurfer_counts_are_checked_before_they_are_believed(tmp_path, tent):

@@ -214,6 +214,20 @@ def test_a_damaged_annotation_is_refused(tmp_path):
             read_values(path)
 
 
+def test_a_text_of_windows_is_read(tmp_path):
+    (tmp_path / "v.txt").write_bytes("1\r\n0\r\n3\r\n".encode("utf-8-sig"))
+    values = read_values(tmp_path / "v.txt")
+    assert values.dtype == np.int64 and values.tolist() == [1, 0, 3]
+
+
+def test_a_name_of_an_annotation_ends_at_nul_and_may_be_latin1(tmp_path):
+    names = [b"low\0\x10 \x15\xec", "M\xfcller".encode("latin-1")]
+    table = np.array([[9, 9, 9, 0, 0], [8, 8, 8, 0, 0]])
+    nibabel.freesurfer.write_annot(tmp_path / "lh.a.annot", np.array([0, 1]), table, names, fill_ctab=True)
+    labels = read_map(tmp_path / "lh.a.annot").labels
+    assert [labels[k][0] for k in range(2)] == ["low", "M\xfcller"]
+
+
 RED, GREEN, BLACK, WHITE = (200, 20, 30), (10, 200, 30), (0, 0, 0), (255, 255, 255)
 
 

@@ -29,7 +29,7 @@ def test_dice_is_the_share_of_the_area_that_has_one_name():
     sides, surface = on_a_disk()
     regions = check_annotations((LEFT_AND_RIGHT, LEFT_AND_RIGHT), surface, surface)
     found = dice(sides, regions, 1j * Z, Z)
-    assert found["before"] == pytest.approx(0.5, abs=0.03) and found["after"] == 1
+    assert found["before"] == pytest.approx(0.5, abs=0.03) and found["after"] == 1 and found["of"] == 2
     assert found["regions"]["left half"] == pytest.approx([0.5, 1], abs=0.03)
     assert dice(sides, regions, -Z, Z)["before"] < 0.08  # the vertices on the line between them
     assert dice(sides, None, Z, Z) == {}
@@ -52,8 +52,8 @@ def test_names_count_and_not_their_order_and_those_of_nothing_do_not():
     _, surface = on_a_disk()
     moving = np.where(Z.imag < 0, LEFT_AND_RIGHT, "unknown")
     control = np.where(Z.imag < 0, LEFT_AND_RIGHT, np.where(Z.real < 0, "Unknown", "a new one"))
-    one, other, names = check_annotations((moving, control), surface, surface)
-    assert names == ["left half", "right half"]
+    one, other, names, count = check_annotations((moving, control), surface, surface)
+    assert names == ["left half", "right half"] and count == 3
     np.testing.assert_array_equal(one, other)
     assert set(one[Z.imag >= 0]) == {-1}
 
@@ -63,7 +63,7 @@ def test_regions_of_the_whole_surface_are_those_of_the_cut_one():
     cut = Surface(surface.vertices, FACES, None, NUMBERS)
     whole = np.full(len(Z) + 5, "unknown   ")
     whole[NUMBERS] = LEFT_AND_RIGHT
-    one, other, _ = check_annotations((whole, LEFT_AND_RIGHT), cut, surface)
+    one, other, *_ = check_annotations((whole, LEFT_AND_RIGHT), cut, surface)
     np.testing.assert_array_equal(one, other)
 
 
