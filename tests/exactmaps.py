@@ -3,7 +3,9 @@ need."""
 
 import numpy as np
 
+from qclearn.plane.disk import Disk
 from qclearn.plane.exactmaps import ExactMap, affine, radial_stretch, sliding, turn, twist
+from qclearn.plane.mobius import mobius
 
 __all__ = ["affine", "radial_stretch", "sliding", "twist"]
 
@@ -43,6 +45,18 @@ def after(g, f):
         f_zbar,
         (f.largest + g.largest) / (1 + f.largest * g.largest),
     )
+
+
+def normalised(exact):
+    """A map of the disk with the Möbius map after it that holds 0 and 1."""
+    w = exact(np.array([0j, 1.0]))
+    return after(moebius(w[0], -np.angle(mobius(w[1], w[0]))), exact)
+
+
+def errors(solve, exact, *meshes):
+    """Largest error over the vertices of each mesh, (z, faces), of a solver: (z, faces, mu) -> f."""
+    off = (solve(z, faces, exact.on_faces(Disk(z, faces))) - exact(z) for z, faces in meshes)
+    return np.array([abs(each).max() for each in off])
 
 
 # The disk maps of the convergence table; all of them hold 0 and 1.

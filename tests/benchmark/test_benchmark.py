@@ -12,12 +12,14 @@ import time
 from contextlib import contextmanager
 from dataclasses import asdict
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 from distributed import Client, LocalCluster
 from toys import broken, pair_of, shrunk, trial_of
 
+from data_synth.cohort import hemispheres
 from qclearn.benchmark import run as module
 from qclearn.benchmark import runs as table
 from qclearn.benchmark.measured import BenchmarkError, read_measured
@@ -27,7 +29,7 @@ from qclearn.benchmark.runs import FRONT, PEERS, RUNS, Run, check_runs, lacking,
 from qclearn.cli import main
 from qclearn.group import workers as connection
 from qclearn.group.workers import WorkersError
-from subjects import shared
+from subjects import stand_in
 
 SIZE = 1000
 
@@ -36,22 +38,32 @@ OWN = METHODS | {"shrunk": shrunk, "broken": broken}
 
 
 @pytest.fixture(scope="module")
-def folder():
-    """Where the subjects are kept that these tests share."""
-    return str(shared("cohort"))
+def folder(tmp_path_factory):
+    """Where the subjects lie: all that the tests of two pairs ask for."""
+    folder = str(tmp_path_factory.mktemp("cohort"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(import_module("data_synth.cohort"), "make_cortex", stand_in)
+        hemispheres((1001, 1002, 2001), SIZE, folder, progress=False)
+    return folder
 
 
 @pytest.fixture(autouse=True)
-def one_commit(monkeypatch):
+def one_commit(once, monkeypatch):
     """Somebody may work on the checkout while these tests run."""
     monkeypatch.setattr(module, "commit", lambda: "c0ffee")
 
 
+@contextmanager
+def cluster_inside(workers=1, threads=1):
+    """A scheduler with workers inside this process, which start at once."""
+    options = {"n_workers": workers, "threads_per_worker": threads}
+    with LocalCluster(**options, processes=False, dashboard_address="127.0.0.1:0") as cluster:
+        yield cluster
+
+
 @pytest.fixture(scope="module")
 def client():
-    """A scheduler with one worker inside this process, which starts at once."""
-    options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": "127.0.0.1:0"}
-    with LocalCluster(**options) as cluster, Client(cluster) as client:
+    with cluster_inside() as cluster, Client(cluster) as client:
         yield client
 
 
@@ -116,49 +128,33 @@ def test_a_stopped_run_goes_on(tmp_path, folder, inside, monkeypatch):
     assert kept in results["rows"] and not Path(f"{out}.partial").exists()
 
 
-@pytest.fixture
-def cluster(tmp_path):
-    """A real scheduler and a function that starts worker processes on loopback: (address,
-    start_worker)."""
+@contextmanager
+def worker_processes(address, folder, count=2):
+    """Workers of a scheduler that are processes of their own, on loopback."""
     path = os.pathsep.join(filter(None, [str(Path(__file__).parent), os.environ.get("PYTHONPATH")]))
-    environment = os.environ | {"PYTHONPATH": path, "OMP_NUM_THREADS": "1"}
-    processes = []
-
-    def start(*words):
-        process = subprocess.Popen(
-            [sys.executable, "-m", "distributed.cli." + words[0], *words[1:]],
-            env=environment,
-            cwd=tmp_path,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-        processes.append(process)
-        return process
-
-    place = tmp_path / "scheduler.json"
-    start("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(place))
-    for _ in range(600):
-        if place.exists() and place.read_text().strip():
-            break
-        time.sleep(0.1)
-    address = json.loads(place.read_text())["address"]
-    yield (
-        address,
-        lambda *options: start("dask_worker", address, "--no-nanny", "--host", "127.0.0.1", "--no-dashboard", *options),
-    )
-    for process in processes:
-        process.kill()
-        process.wait()
+    words = [address, "--nthreads", "1", "--no-nanny", "--host", "127.0.0.1", "--no-dashboard"]
+    options = {
+        "env": os.environ | {"PYTHONPATH": path, "OMP_NUM_THREADS": "1"},
+        "cwd": folder,
+        "stdout": subprocess.DEVNULL,
+        "stderr": subprocess.DEVNULL,
+    }
+    command = [sys.executable, "-m", "distributed.cli.dask_worker", *words]
+    processes = [subprocess.Popen(command, **options) for _ in range(count)]
+    try:
+        yield processes
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
 
 
-def test_a_killed_worker_costs_only_its_task(tmp_path, folder, inside, cluster, monkeypatch):
+def test_a_killed_worker_costs_only_its_task(tmp_path, folder, inside, monkeypatch):
     runs = [Run(f"mine {k}", "shrunk", {"shift": 0.02 * k}) for k in range(6)]
     (row,) = small(tmp_path / "a.json", folder, runs[:1], subjects=1)["rows"]
     figures = {name: row[name] for name in row if name not in ("set", "pair", "run", *asdict(runs[0]))}
     monkeypatch.setattr(module, "trial", partial(trial_of, figures))
     monkeypatch.setattr(module, "submit_pair", lambda client, spec, _: client.submit(pair_of, spec))
-    address, start_worker = cluster
-    workers = [start_worker("--nthreads", "1") for _ in range(2)]
     out = tmp_path / "b.json"
 
     def kill_midway():
@@ -167,29 +163,38 @@ def test_a_killed_worker_costs_only_its_task(tmp_path, folder, inside, cluster, 
         workers[0].send_signal(signal.SIGKILL)
 
     killer = threading.Thread(target=kill_midway, daemon=True)
-    killer.start()
-    results = small(out, folder, runs, scheduler=address)
-    killer.join(10)
-    assert workers[0].wait(10) == -signal.SIGKILL and workers[1].poll() is None
+    with (
+        LocalCluster(n_workers=0, host="127.0.0.1", dashboard_address="127.0.0.1:0") as cluster,
+        worker_processes(cluster.scheduler_address, tmp_path) as workers,
+    ):
+        killer.start()
+        results = small(out, folder, runs, scheduler=cluster.scheduler_address)
+        killer.join(10)
+        assert workers[0].wait(10) == -signal.SIGKILL and workers[1].poll() is None
     found = {(row["pair"], row["run"]): row["landmark_error"] for row in results["rows"] if row["status"] == "done"}
     assert len(results["rows"]) == len(found) and found == {
         (f"{seed} to 2001", run.name): seed + run.parameters["shift"] for seed in (1001, 1002) for run in runs
     }
 
 
-def test_workers_with_several_threads_are_refused(tmp_path, folder, cluster):
-    address, start_worker = cluster
-    start_worker("--nthreads", "2")
-    with pytest.raises(WorkersError, match="several threads.*--nthreads 1"):
-        small(tmp_path / "r.json", folder, [Run("mine", "shrunk")], scheduler=address)
+@pytest.mark.parametrize(
+    "workers, threads, words",
+    [
+        (1, 2, "several threads.*--nthreads 1"),
+        (1, 1, "has qclearn .*, here 9.9.*install the same"),
+        (0, 1, "has no workers; start some"),
+    ],
+)
+def test_workers_that_cannot_serve_are_refused(tmp_path, folder, monkeypatch, workers, threads, words):
+    def of_this_thread(*names):
+        """What the worker has, which shares this process, and in the thread that asks another version."""
+        return {"qclearn": "9.9"} if threading.current_thread() is asking else there(*names)
 
-
-def test_workers_of_other_versions_are_refused(tmp_path, folder, cluster, monkeypatch):
-    address, start_worker = cluster
-    start_worker("--nthreads", "1")
-    monkeypatch.setattr(connection, "versions_of", lambda *_: {"qclearn": "9.9"})  # here, not there
-    with pytest.raises(WorkersError, match="has qclearn .*, here 9.9.*install the same"):
-        small(tmp_path / "r.json", folder, [Run("mine", "shrunk")], scheduler=address)
+    asking, there = threading.current_thread(), connection.versions_of
+    monkeypatch.setattr(connection, "versions_of", of_this_thread)
+    monkeypatch.setattr(connection, "PATIENCE", 20 if workers else 2)
+    with cluster_inside(workers, threads) as cluster, pytest.raises(WorkersError, match=words):
+        small(tmp_path / "r.json", folder, [Run("mine", "shrunk")], scheduler=cluster.scheduler_address)
 
 
 def test_a_folder_for_subjects_that_cannot_be_written_is_refused(tmp_path):
@@ -197,12 +202,6 @@ def test_a_folder_for_subjects_that_cannot_be_written_is_refused(tmp_path):
     with pytest.raises(ValueError, match="cannot be written"):
         small(tmp_path / "r.json", tmp_path / "file", [Run("mine", "shrunk")])
     assert not (tmp_path / "r.json.partial").exists()
-
-
-def test_a_scheduler_without_workers_is_named(tmp_path, folder, cluster, monkeypatch):
-    monkeypatch.setattr(connection, "PATIENCE", 2)
-    with pytest.raises(WorkersError, match="has no workers; start some"):
-        small(tmp_path / "r.json", folder, [Run("mine", "shrunk")], scheduler=cluster[0])
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nowhere", "tcp://127.0.0.1:http"])
@@ -322,27 +321,9 @@ def test_an_out_that_cannot_be_written_is_named_before_anything_runs(tmp_path):
 
 def test_the_command_writes_the_file_and_prints_a_table(tmp_path, folder, capsys):
     out = tmp_path / "r.json"
-    main(
-        [
-            "benchmark",
-            "--out",
-            str(out),
-            "--subjects",
-            "1",
-            "--vertices",
-            str(SIZE),
-            "--workers",
-            "1",
-            "--data",
-            folder,
-            "--method",
-            "mobius_only",
-            "--method",
-            "harmonic:weight=5",
-            "--program",
-            "broken=false {out}",
-        ]
-    )
+    options = {"--out": out, "--subjects": 1, "--vertices": SIZE, "--workers": 1, "--data": folder}
+    methods = ["--method", "mobius_only", "--method", "harmonic:weight=5", "--program", "broken=false {out}"]
+    main(["benchmark", *(str(word) for option in options.items() for word in option), *methods])
     printed = capsys.readouterr().out
     assert "harmonic:weight=5" in printed and "1/1" in printed
     assert "broken, 1001 to 2001: " in printed and "0/1" in printed

@@ -61,7 +61,7 @@ def test_half_of_the_curves_take_no_part(sides, pair):
     assert len(prepare(pair).problem.moving) == 20
 
 
-def test_held_out_curves_are_measured_each_by_its_name(pair):
+def test_held_out_curves_are_measured_each_by_its_name(pair, once):
     exact = trial(pair, Run("truth", "truth"), lambda problem: truth_or_back(pair, problem))
     assert list(exact["held_out"]) == ["spoke 1", "spoke 3"] and exact["worst_held_out_mm"] < 1e-6
     assert exact["held_out_points_mm"] < 0.5  # arc lengths differ a little on the twisted bowl
@@ -80,7 +80,7 @@ def truth_or_back(pair, problem):
     return pair.control.disk.z if there else pair.moving.disk.z
 
 
-def test_there_and_back_is_the_identity_of_a_map_and_its_inverse(pair):
+def test_there_and_back_is_the_identity_of_a_map_and_its_inverse(pair, once):
     exact = trial(pair, Run("truth", "truth"), lambda problem: truth_or_back(pair, problem))
     assert exact["there_and_back_mm"] < 1e-2  # rim points are set in a little
     turned = trial(pair, Run("turned", "turned"), lambda problem: truth_or_back(pair, problem) * np.exp(0.1j))
@@ -102,7 +102,7 @@ def test_each_repetition_begins_with_nothing_known_of_the_disks(pair):
     assert len(known) == 3 * row["repetitions"] > 3 and all(found == {"z", "faces"} for found in known)
 
 
-def test_folds_lead_where_landmarks_do_not_reach(pair):
+def test_folds_lead_where_landmarks_do_not_reach(pair, once):
     rows = {}
     for name in ("gauss_newton", "hybrid", "dense", "landmark_free"):
         rows[name] = trial(replace(pair, there_and_back=False), Run(name, name), METHODS[name])
@@ -127,7 +127,7 @@ def test_a_method_without_landmarks_is_not_given_the_disk_that_they_aligned(pair
     assert problem.sides.moving.disk is pair.moving.disk and abs(problem.disk.z - pair.moving.disk.z).max() > 0.01
 
 
-def test_maps_that_took_no_part_are_compared_where_they_are_known(known):
+def test_maps_that_took_no_part_are_compared_where_they_are_known(known, once):
     row = trial(known, Run("truth", "truth"), lambda problem: truth_or_back(known, problem))
     assert row["correspondence_mm"] < 1e-2 and row["held_out"] is None
     assert row["r_maps"]["myelin"] > 0.999 and abs(row["r_maps"]["noise"]) < 0.2
@@ -152,7 +152,7 @@ def test_another_mesh_carries_the_same_surface(sides):
     assert Surface(place, faces).area == pytest.approx(surface.area, rel=0.05)
 
 
-def test_a_warp_has_its_size_and_a_known_map(sides):
+def test_a_warp_has_its_size_and_a_known_map(sides, once):
     points = np.random.default_rng(0).uniform(-60, 60, (500, 3))
     pushed = warped(points, 9.0) - points
     assert np.sqrt((pushed**2).sum(1).mean()) == pytest.approx(9)
@@ -178,7 +178,7 @@ def test_the_sets_on_real_cortex():
     assert all(spec.seeds == [2001] for spec in specs if "synthetic" in spec.pair)
 
 
-def test_a_way_back_that_fails_is_told(pair):
+def test_a_way_back_that_fails_is_told(pair, once):
     def one_way(problem):
         if problem.sides.moving.surface is not pair.moving.surface:
             raise RuntimeError("no way back")

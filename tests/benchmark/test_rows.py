@@ -23,16 +23,8 @@ from qclearn.benchmark.rows import (
 from qclearn.benchmark.runs import FRONT
 from qclearn.benchmark.runs import RUNS as RUNS_OF_THE_BENCHMARK
 
-RUNS = [
-    {
-        "name": "one",
-        "method": "harmonic",
-        "parameters": {},
-        "landmarks": "given",
-        "sets": ["cohort"],
-        "keep_field": False,
-    }
-]
+OF_A_RUN = {"method": "harmonic", "parameters": {}, "landmarks": "given"}
+RUNS = [{"name": "one", **OF_A_RUN, "sets": ["cohort"], "keep_field": False}]
 SETTINGS = {
     "sets": ["cohort"],
     "subjects": 2,
@@ -58,7 +50,7 @@ PROVENANCE = {
 
 def row(pair="a", run="one", **figures):
     """A failed row, or a done one if it has figures: those not given are 0."""
-    base = {"set": "cohort", "pair": pair, "run": run, "method": "harmonic", "parameters": {}, "landmarks": "given"}
+    base = {"set": "cohort", "pair": pair, "run": run, **OF_A_RUN}
     if not figures:
         return base | {"status": "failed", "message": "it broke"}
     stages = ("disk_moving", "disk_control", "landmarks", "map", "pull_back")
@@ -92,6 +84,7 @@ def test_rows_are_on_disk_at_once_and_become_a_results_file_that_is_read_again(o
     journal.append(row("a"))
     results = journal.finish(PROVENANCE)
     assert read_measured("benchmark", out) == results and [entry["pair"] for entry in results["rows"]] == ["a", "b"]
+    assert sum(line.startswith('  {"set": "cohort"') for line in out.read_text().splitlines()) == 2  # a row a line
     assert not journal.checkpoint.path.exists()
 
 
@@ -278,14 +271,6 @@ def test_the_kept_results_hold_every_run_on_every_subject():
         assert len(column(rows, name, "landmark_error")) == results["settings"]["subjects"] >= 12
     fits = [entry for entry in results["rows"] if entry["method"] in ("gauss_newton", "cpnet_steps", "guarded")]
     assert all(entry["status"] == "done" and entry["certified"] for entry in fits)
-
-
-def test_a_results_file_has_a_row_a_line(out):
-    journal = Journal(out, SETTINGS)
-    for pair in "ab":
-        journal.append(row(pair, landmark_error=0.1))
-    journal.finish(PROVENANCE)
-    assert sum(line.startswith('  {"set": "cohort"') for line in out.read_text().splitlines()) == 2
 
 
 def test_a_row_that_failed_gives_way_to_a_later_one(out):

@@ -130,13 +130,13 @@ def test_curves_follow_the_courses_on_the_template():
 
 
 def test_the_seed_decides_everything():
-    once, again = subject(), make_cortex(1, SIZE, generation=GENERATION)
+    once, again = grown(1, 1000), make_cortex(1, 1000, generation=GENERATION)
     assert again.generation == GENERATION
     assert np.array_equal(again.surface.vertices, once.surface.vertices)
     assert np.array_equal(again.surface.faces, once.surface.faces)
     assert np.array_equal(again.template, once.template)
     assert all(np.array_equal(again.curves[name], path) for name, path in once.curves.items())
-    assert not np.array_equal(subject(2).surface.faces, once.surface.faces)
+    assert not np.array_equal(grown(2, 1000).surface.faces, once.surface.faces)
 
 
 def test_folds_correspond():
@@ -149,9 +149,10 @@ def test_folds_correspond():
 
 
 def test_areas_correspond_before_growth_where_the_deformation_keeps_them():
-    template, faces, vary = subject().template, subject().surface.faces, {}
+    cortex, vary = grown(1, 1000), {}
+    template, faces = cortex.template, cortex.surface.faces
     for number in GENERATIONS:
-        here, there = (unfolded(replace(subject(), seed=seed, generation=number), template) for seed in (1, 2))
+        here, there = (unfolded(replace(cortex, seed=seed, generation=number), template) for seed in (1, 2))
         vary[number] = log2_distortions(Surface(here, faces), there)["log2_area"][1]
     assert vary[4] < 0.6 * vary[3]
 

@@ -51,19 +51,23 @@ def settings():
     return [*made, scattered(1041), scattered(1045)]
 
 
-def fits(**options):
-    return run_engine("fits", coarse=COARSE, fine=FINE, fits=settings(), options=options)
+SOME = [2, 9, 13, 18]  # of `settings`: points, sliding, and one that switches rows
+OTHERS = sorted({*range(20)} - {*SOME})
+
+
+@pytest.fixture(scope="module", params=[SOME, pytest.param(OTHERS, marks=pytest.mark.slow)], ids=["some", "others"])
+def asked(request):
+    every = settings()
+    return [every[k] for k in request.param]
+
+
+def fits(asked, **options):
+    return run_engine("fits", coarse=COARSE, fine=FINE, fits=asked, options=options)
 
 
 @pytest.fixture(scope="module")
-def converged():
-    return fits(tolerance=CONVERGED, most=60)
-
-
-@pytest.fixture(scope="module")
-def quick():
-    """By the page's own rule."""
-    return fits()
+def converged(asked):
+    return fits(asked, tolerance=CONVERGED, most=60)
 
 
 def test_maps_are_the_solvers():
@@ -85,14 +89,10 @@ def test_compression_is_the_librarys():
         assert abs(numbers(one) - wanted).max() < 1e-9
 
 
-SOME = [2, 9, 13, 18]  # of `settings`: points, sliding, and one that switches rows
-
-
-@pytest.mark.parametrize("which", [SOME, pytest.param(sorted({*range(20)} - {*SOME}), marks=pytest.mark.slow)])
-def test_converged_fits_are_the_librarys(converged, which):
-    asked_for, switched = settings(), []
-    for asked, found in ((asked_for[k], converged[k]) for k in which):
-        objective, state = fit_in_steps(asked, *found["steps"])
+def test_converged_fits_are_the_librarys(asked, converged):
+    switched = []
+    for one, found in zip(asked, converged):
+        objective, state = fit_in_steps(one, *found["steps"])
         assert found["switched"] == state.switched
         assert found["switched"] or found["left"] < CONVERGED
         switched.append(state.switched)
@@ -103,8 +103,8 @@ def test_converged_fits_are_the_librarys(converged, which):
     assert any(switched)
 
 
-def test_the_pages_rule_ends_near_the_minimum(quick, converged):
-    for found, last in zip(quick, converged):
+def test_the_pages_rule_ends_near_the_minimum(asked, converged):
+    for found, last in zip(fits(asked), converged):
         if not last["switched"]:
             assert -1e-9 < found["left"] < 1e-3
             assert found["objective"] < 1.005 * last["objective"]

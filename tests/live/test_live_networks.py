@@ -27,7 +27,7 @@ def problems():
     rng, made = np.random.default_rng(5), []
     turn = np.exp(0.01j)  # off the spokes, where a point belongs to either triangle and rounding decides
     points = [(turn * example.problem.moving, turn * example.problem.target) for example in example_problems()[:2]]
-    for _ in range(10):
+    for _ in range(4):
         count = int(rng.integers(4, 59))
         p = 0.9 * np.sqrt(rng.random(count)) * np.exp(2j * np.pi * rng.random(count))
         c = 0.15 * rng.normal(size=4)

@@ -2,6 +2,7 @@
 set, and bad input."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -219,7 +220,13 @@ def test_bad_input_is_refused(net, landmarks):
 
 
 def items(count):
-    """Problems of training, drawn from three curves of four subjects."""
+    """The first problems of training."""
+    return [column[:count].clone() for column in drawn()]
+
+
+@cache
+def drawn():
+    """Six problems of training, from three curves of four subjects."""
     rng = np.random.default_rng(0)
     t = np.linspace(-1, 1, DATA_POINTS)
     middles = np.array([0.4, -0.35 + 0.3j, -0.1 - 0.45j])
@@ -227,8 +234,7 @@ def items(count):
     subjects = np.array(
         [curves + 0.05 * (rng.random((3, 1)) - 0.5) * (1 + 1j) + 0.05 * rng.random() * t for _ in range(4)]
     )
-    pairs = Pairs(count, 1, subjects, SMALL)
-    return [torch.stack(column) for column in zip(*(pairs[k] for k in range(count)))]
+    return [torch.stack(column) for column in zip(*Pairs(6, 1, subjects, SMALL))]
 
 
 def test_training_problems_are_masked_inside_and_solved(net):

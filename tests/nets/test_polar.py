@@ -181,10 +181,9 @@ def test_limit():
 # The adjoint.
 
 
-@pytest.mark.parametrize("size, largest", [((2, 4, 1.0), (0.5, 0.3)), ((3, 4, 1.4), (0.5,))], ids=str)
-def test_gradcheck(size, largest):
-    solver = PolarSolver(*size)
-    mu = torch.from_numpy(coefficients(solver, *largest)).requires_grad_()
+def test_gradcheck():
+    solver = PolarSolver(2, 3, 1.4)
+    mu = torch.from_numpy(coefficients(solver, 0.5, 0.3)).requires_grad_()
     assert torch.autograd.gradcheck(lambda mu: solver.solve(mu, tolerance=1e-14), (mu,), eps=1e-6, atol=1e-8, rtol=1e-6)
 
 

@@ -6,12 +6,11 @@ import pytest
 import torch
 from scipy import sparse
 
-from exactmaps import DISK_MAPS, SLIDING, SLIDING_THREE, TWIST, after, moebius
+from exactmaps import DISK_MAPS, SLIDING, SLIDING_THREE, TWIST, after, errors, moebius, normalised
 from meshes import boundary_loop, random_disk, random_mu
 from qclearn.plane.beltrami import BeltramiDiskSolver, beltrami_coefficient, signed_areas, solve_beltrami_disk
 from qclearn.plane.bijectivity import RepairWarning, check_bijective
 from qclearn.plane.checks import BeltramiError
-from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.mobius import mobius
 from qclearn.surfaces.conformal import angle_distortion
@@ -50,25 +49,23 @@ MEASURED = {  # square grid 32 and 64, polar 32 x 96 and 64 x 192
 
 @pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda exact: exact.name)
 def test_error_and_rate_against_closed_forms(exact):
-    errors = []
-    for z, faces in (square_disk(32), square_disk(64), polar_disk(32, 96), polar_disk(64, 192)):
-        f = solve_beltrami_disk(z, faces, exact.on_faces(Disk(z, faces)))
+    def certified(z, faces, mu):
+        f = solve_beltrami_disk(z, faces, mu)
         assert check_bijective(z, faces, f).bijective
-        errors.append(abs(f - exact(z)).max())
-    assert (np.array(errors) <= 1.05 * np.array(MEASURED[exact.name])).all(), errors
+        return f
+
+    off = errors(certified, exact, square_disk(32), square_disk(64), polar_disk(32, 96), polar_disk(64, 192))
+    assert (off <= 1.05 * np.array(MEASURED[exact.name])).all(), off
     least = 1.4 if exact.name == "radial stretch" else 1.7
-    assert min(np.log2(errors[0] / errors[1]), np.log2(errors[2] / errors[3])) >= least, errors
+    assert np.log2(off[::2] / off[1::2]).min() >= least, off
 
 
 @pytest.mark.parametrize("exact", [TWIST, SLIDING], ids=lambda exact: exact.name)
 def test_rate_on_meshes_without_structure(exact):
     """The boundary density must know the lengths of the edges: halving the fluxes instead is of
     first order."""
-    errors = []
-    for n in (32, 256):
-        z, faces = random_disk(seed=6, n_boundary=n)
-        errors.append(abs(solve_beltrami_disk(z, faces, exact.on_faces(Disk(z, faces))) - exact(z)).max())
-    assert errors[1] < 6e-4 and np.log2(errors[0] / errors[1]) / 3 > 1.6, errors
+    coarse, fine = errors(solve_beltrami_disk, exact, *(random_disk(seed=6, n_boundary=n) for n in (32, 256)))
+    assert fine < 6e-4 and np.log2(coarse / fine) / 3 > 1.6, (coarse, fine)
 
 
 def square_with_ears(n):
@@ -90,27 +87,19 @@ def square_with_ears(n):
 @pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda exact: exact.name)
 def test_ears_do_not_cost_the_rate(exact):
     """Uncalibrated steps leave an error of first order here, 4e-3 to 6e-3 at 64."""
-    errors = []
-    for n in (32, 64):
-        z, faces = square_with_ears(n)
-        assert np.isin(faces, boundary_loop(faces)).all(1).sum() == 4
-        errors.append(abs(solve_beltrami_disk(z, faces, exact.on_faces(Disk(z, faces))) - exact(z)).max())
+    meshes = [square_with_ears(n) for n in (32, 64)]
+    assert [np.isin(faces, boundary_loop(faces)).all(1).sum() for _, faces in meshes] == [4, 4]
+    coarse, fine = errors(solve_beltrami_disk, exact, *meshes)
     least = 1.4 if exact.name == "radial stretch" else 1.7
-    assert errors[1] < 6e-4 and np.log2(errors[0] / errors[1]) >= least, errors
+    assert fine < 6e-4 and np.log2(coarse / fine) >= least, (coarse, fine)
 
 
 def test_rate_with_a_coefficient_seen_through_a_mobius_map():
     """g = N after f after M, with N back to g(0) = 0, g(1) = 1: another pole for the same
     coefficient."""
-    a = 0.3 + 0.2j
-    inner = after(SLIDING_THREE, moebius(a, 0.8))
-    w = inner(np.array([0j, 1.0]))
-    exact = after(moebius(w[0], -np.angle(mobius(w[1], w[0]))), inner)
-    errors = []
-    for n in (16, 32):
-        z, faces = polar_disk(n, 3 * n)
-        errors.append(abs(solve_beltrami_disk(z, faces, exact.on_faces(Disk(z, faces))) - exact(z)).max())
-    assert errors[1] < 3.5e-3 and np.log2(errors[0] / errors[1]) >= 1.7, errors
+    exact = normalised(after(SLIDING_THREE, moebius(0.3 + 0.2j, 0.8)))
+    coarse, fine = errors(solve_beltrami_disk, exact, polar_disk(16, 48), polar_disk(32, 96))
+    assert fine < 3.5e-3 and np.log2(coarse / fine) >= 1.7, (coarse, fine)
 
 
 def test_measured_coefficient_is_the_one_that_went_in():
@@ -252,55 +241,11 @@ def test_boundary_goes_forwards_even_where_0_leaves_the_disk():
     assert not check_bijective(z, faces, f).bijective
 
 
-# The adjoint.
-
-
-def directional(solver, mu, grad_f, change, step=1e-5):
-    """Central difference of Re sum conj(grad_f) f(mu) in the direction `change`, of fourth order."""
-    values = [(np.conj(grad_f) * solver.solve(mu + k * step * change)).real.sum() for k in (-2, -1, 1, 2)]
-    return (values[0] - 8 * values[1] + 8 * values[2] - values[3]) / (12 * step)
+# The adjoint and the tangent.
 
 
 def random_complex(rng, size):
     return rng.normal(size=size) + 1j * rng.normal(size=size)
-
-
-@pytest.mark.parametrize("seed", [0, 1])
-def test_pullback_equals_finite_differences(mesh, seed):
-    z, faces = mesh
-    rng = np.random.default_rng(seed)
-    solver = BeltramiDiskSolver(z, faces)
-    mu = random_mu(rng, z, faces, 0.6)
-    grad_f = random_complex(rng, len(z))
-    solver.solve(mu)
-    grad_mu = solver.pullback(grad_f)
-    alone = np.zeros(len(faces))
-    alone[abs(grad_mu).argmax()] = 1
-    for change in (random_complex(rng, len(faces)), alone, 1j * alone):
-        expected = directional(solver, mu, grad_f, change)
-        assert (np.conj(grad_mu) * change).real.sum() == pytest.approx(expected, rel=1e-6)
-
-
-def test_pullback_with_raised_steps():
-    z, faces, mu = backward_problem()
-    rng = np.random.default_rng(1)
-    solver = BeltramiDiskSolver(z, faces)
-    solver.solve(mu)
-    grad_f, change = random_complex(rng, len(z)), random_complex(rng, len(faces))
-    grad_mu = solver.pullback(grad_f)
-    expected = directional(solver, mu, grad_f, change, step=1e-6)
-    assert (np.conj(grad_mu) * change).real.sum() == pytest.approx(expected, rel=1e-6)
-
-
-def test_pullback_at_no_coefficient():
-    z, faces = MESHES["random"]
-    rng = np.random.default_rng(2)
-    solver = BeltramiDiskSolver(z, faces)
-    solver.solve(np.zeros(len(faces)))
-    grad_f, change = random_complex(rng, len(z)), random_complex(rng, len(faces))
-    grad_mu = solver.pullback(grad_f)
-    expected = directional(solver, np.zeros(len(faces)), grad_f, change)
-    assert (np.conj(grad_mu) * change).real.sum() == pytest.approx(expected, rel=1e-6)
 
 
 def test_pullback_of_many_gradients():
@@ -314,11 +259,8 @@ def test_pullback_of_many_gradients():
     np.testing.assert_allclose(many, [solver.pullback(g) for g in grads], rtol=1e-10, atol=1e-13)
 
 
-# The tangent.
-
-
 def assert_tangent(solver, mu, change, step=1e-5):
-    """The pushforward at mu against central differences of fourth order and against the pullback."""
+    """The pushforward at mu is the central difference of fourth order, and the pullback its transpose."""
     shifted = {k: solver.solve(mu + k * step * change) for k in (-2, -1, 1, 2)}
     expected = (shifted[-2] - 8 * shifted[-1] + 8 * shifted[1] - shifted[2]) / (12 * step)
     solver.solve(mu)
@@ -330,14 +272,14 @@ def assert_tangent(solver, mu, change, step=1e-5):
 
 
 @pytest.mark.parametrize("largest", [0.0, 0.6])
-def test_pushforward_equals_finite_differences_and_is_the_transpose_of_pullback(mesh, largest):
+def test_pushforward_equals_finite_differences_and_pullback_is_its_transpose(mesh, largest):
     z, faces = mesh
     rng = np.random.default_rng(7)
     mu = random_mu(rng, z, faces, largest)
     assert_tangent(BeltramiDiskSolver(z, faces), mu, random_complex(rng, len(faces)))
 
 
-def test_pushforward_with_raised_steps():
+def test_pushforward_and_pullback_with_raised_steps():
     z, faces, mu = backward_problem()
     assert_tangent(BeltramiDiskSolver(z, faces), mu, random_complex(np.random.default_rng(1), len(faces)), 1e-6)
 
@@ -367,9 +309,8 @@ class DiskMap(torch.autograd.Function):
         return torch.from_numpy(ctx.solver.pullback(grad_f.numpy())), None, None
 
 
-@pytest.mark.parametrize("name", ["polar", "moved"])
-def test_gradcheck(name):
-    z, faces = polar_disk(3, 7) if name == "polar" else moved_disk(3, 8, 0.2 + 0.1j)
+def test_gradcheck():
+    z, faces = moved_disk(2, 5, 0.2 + 0.1j)
     mu = torch.from_numpy(random_mu(np.random.default_rng(0), z, faces, 0.5)).requires_grad_()
     assert torch.autograd.gradcheck(lambda mu: DiskMap.apply(mu, z, faces), (mu,), eps=1e-6, atol=1e-8, rtol=1e-6)
 

@@ -1,6 +1,8 @@
 """The training lab: what its buttons do, and what stands in its place on a page without a kernel."""
 
 import re
+from functools import partial
+from types import SimpleNamespace
 
 import pytest
 
@@ -10,7 +12,7 @@ from qcbook.traininglab import LabPicture, TrainingLab, training_lab
 @pytest.fixture
 def lab(one_thread):
     lab = TrainingLab()
-    lab.seconds.value = 1
+    lab.seconds = SimpleNamespace(value=0.2)  # the slider has whole seconds
     yield lab
     lab.halt()
 
@@ -25,7 +27,7 @@ def test_it_trains_stops_and_goes_on(lab):
     stopped = len(lab.lesson.history)
     assert stopped >= 1 and f"{stopped} steps" in lab.text.value
     assert "L_CP of CP-Net in training is" in lab.text.value and "<img" in lab.picture.value
-    lab.seconds.value = 1
+    lab.seconds.value = 0.2
     first = lab.lesson
     lab.go_on.click()
     lab.wait()
@@ -56,6 +58,7 @@ def test_bad_weights_are_said(lab):
 
 def test_a_page_without_a_kernel_shows_a_short_run(monkeypatch, one_thread):
     monkeypatch.setenv("QCLEARN_PAGES", "static")
+    monkeypatch.setattr("qcbook.traininglab.LabPicture", partial(LabPicture, seconds=0.5))
     page = training_lab()
     assert isinstance(page, LabPicture)
     assert page._repr_html_().count("<img alt=") == 2 and "JupyterLab" in page._repr_html_()

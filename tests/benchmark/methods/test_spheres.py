@@ -32,6 +32,7 @@ from qclearn.surfaces.opening import open_surface
 from qclearn.surfaces.surface import Surface
 from workbench import workbench
 
+pytestmark = pytest.mark.usefixtures("once")
 TURN = Rotation.from_euler("xyz", [9, -6, 11], degrees=True)
 COPY = "cp {moving_sphere} {out}"
 

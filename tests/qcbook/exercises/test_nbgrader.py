@@ -17,7 +17,7 @@ from book.builder.graded import EXERCISES
 from book.builder.references import markdown_of
 from qclearn.cli import main
 
-EXERCISE = EXERCISES["alpha-signs"]
+EXERCISE, OTHER = EXERCISES["alpha-signs"], EXERCISES["accept-fold"]
 MISTAKE = "sign of alpha_2"
 WRONG = EXERCISE.solved.replace(*EXERCISE.module.MISTAKES[MISTAKE][0])
 ENDLESS = "import time\ndef alphas(mu):\n    while True:\n        time.sleep(0.1)"
@@ -38,13 +38,13 @@ def nbgrader(folder, command):
     return run.returncode, run.stdout + run.stderr
 
 
-def handed_in(release, answer, lacks=()):
-    """A student's notebook with this answer, without the cells of some tags."""
-    notebook = deepcopy(release)
-    notebook.cells = [cell for cell in notebook.cells if not set(lacks) & set(cell.metadata.get("tags", []))]
+def handed_in(release, *answers, lacks=()):
+    """A student's notebook with these answers, without some cells."""
+    notebook, left = deepcopy(release), list(answers)
+    notebook.cells = [cell for cell in notebook.cells if cell.id not in lacks]
     for cell in notebook.cells:
         if "answer" in cell.metadata.get("tags", []):
-            cell.source = answer
+            cell.source = left.pop(0)
     return notebook
 
 
@@ -52,7 +52,7 @@ def handed_in(release, answer, lacks=()):
 def graded(tmp_path_factory):
     """(folder of the course, command -> what it printed), once the guide's commands have run."""
     folder = tmp_path_factory.mktemp("course")
-    course.write([EXERCISE.name], "week1", folder)
+    course.write([EXERCISE.name, OTHER.name], "week1", folder)
     printed = {}
 
     def run(command):
@@ -61,14 +61,13 @@ def graded(tmp_path_factory):
 
     run(GUIDE[0])
     release = nbformat.read(folder / "release" / "week1" / "week1.ipynb", as_version=4)
-    bare = handed_in(release, EXERCISE.solved)
+    bare = handed_in(release, EXERCISE.solved, OTHER.solved)
     for cell in bare.cells:
         cell.metadata.clear()
+    right = f"%%time\n{OTHER.solved}\n{WARNS}files = !ls \\\n  -a"
     files = {
-        "ada.ipynb": handed_in(release, f"%%time\n{EXERCISE.solved}\n{WARNS}files = !ls \\\n  -a"),
-        "bob.ipynb": handed_in(release, WRONG, lacks=["sentence"]),
-        "cem.ipynb": handed_in(release, ENDLESS),
-        "dee.ipynb": handed_in(release, "def alphas(mu:\n    return 1"),
+        "ada.ipynb": handed_in(release, WRONG, right, lacks=[f"{EXERCISE.name}-sentence"]),
+        "cem.ipynb": handed_in(release, ENDLESS, "def no_function(mu:\n    return 1"),
         "no metadata.ipynb": bare,
         "renamed.ipynb.txt": release,
         "with,comma.ipynb": release,
@@ -100,21 +99,19 @@ def test_the_guide_has_the_commands():
 def test_right_and_wrong_answers_get_their_points(graded):
     with open(graded[0] / "grades.csv", newline="", encoding="utf-8") as file:
         rows = {row["student_id"]: (float(row["score"]), float(row["max_score"])) for row in csv.DictReader(file)}
-    most = EXERCISE.points
-    assert rows == {"ada": (most, most), "bob": (0, most), "cem": (0, most), "dee": (0, most)}
+    most = EXERCISE.points + OTHER.points
+    assert rows == {"ada": (OTHER.points, most), "cem": (0, most)}
 
 
-def test_the_feedback_names_the_mistake(graded):
-    assert f"AssertionError: {EXERCISE.sentences[MISTAKE][:60]}" in squeezed(feedback(graded[0], "bob"))
-    assert EXERCISE.sentences[MISTAKE][:60] not in squeezed(feedback(graded[0], "ada"))
+def test_the_feedback_names_the_mistake_and_says_nothing_of_what_is_right(graded):
+    page = squeezed(feedback(graded[0], "ada"))
+    assert f"AssertionError: {EXERCISE.sentences[MISTAKE][:60]}" in page
+    assert page.count("AssertionError: ") == 1 and not any(words[:60] in page for words in OTHER.sentences.values())
 
 
-def test_an_endless_loop_is_stopped_and_named(graded):
-    assert "does a loop in it, or in what it calls, never end?" in squeezed(feedback(graded[0], "cem"))
-
-
-def test_an_answer_that_python_does_not_read_is_named(graded):
-    assert "SyntaxError" in feedback(graded[0], "dee")
+def test_an_endless_loop_is_stopped_and_named_and_so_is_what_python_does_not_read(graded):
+    page = feedback(graded[0], "cem")
+    assert "does a loop in it, or in what it calls, never end?" in squeezed(page) and "SyntaxError" in page
 
 
 def squeezed(page):
@@ -125,7 +122,7 @@ def squeezed(page):
 def test_what_cannot_be_graded_is_refused_in_a_line_each(graded):
     lines = [line.partition("ERROR] ")[2] for line in graded[1]["zip_collect"].splitlines() if "ERROR] " in line]
     assert [line.split(": ")[0] for line in lines] == [
-        "bob.ipynb",
+        "ada.ipynb",
         "list.ipynb",
         "no metadata.ipynb",
         "renamed.ipynb.txt",
@@ -142,7 +139,7 @@ def test_what_cannot_be_graded_is_refused_in_a_line_each(graded):
 
 def test_a_release_that_students_have_handed_in_keeps_its_cells(graded):
     folder, _ = graded
-    course.write(["accept-fold"], "week1", folder)
+    course.write([OTHER.name], "week1", folder)
     with pytest.raises(SystemExit, match="Cannot add or remove cells"):
         course.release("week1", folder)
 
