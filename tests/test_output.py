@@ -136,8 +136,8 @@ def test_a_warning_is_one_line(capsys):
 
 
 def test_the_home_folder_is_filled_in_where_shells_leave_it(monkeypatch):
-    monkeypatch.setenv("HOME", "/home/ada")
-    monkeypatch.setenv("USERPROFILE", "/home/ada")
+    monkeypatch.setenv("HOME", "/elsewhere/ada")
+    monkeypatch.setenv("USERPROFILE", "/elsewhere/ada")
     assert expanded("--out=~/reg") == f"--out={Path.home() / 'reg'}"
     assert expanded("~/lh.pial") == str(Path.home() / "lh.pial")
     for name in ("~", "~lh.pial", "a~/b", "--method=harmonic", "x=~/y", "fsaverage5:left"):

@@ -24,7 +24,7 @@ def sound(fuzz, tmp_path_factory):
 
 
 def test_sound_files_are_read(fuzz, sound, tmp_path):
-    assert len(sound) == 24
+    assert len(sound) == 25
     for name, data in sound.items():
         assert fuzz.verdict(fuzz.write(tmp_path / name, data)) == ("accepted", ""), name
 
