@@ -40,16 +40,14 @@ book: $(INSTALLED)
 	$(BIN)/python -m book.builder.build_book --jobs $(JOBS)
 	@echo "The book: _build/html/index.html (serve it with: $(BIN)/python -m http.server --directory _build/html)"
 
-# The unit tests run beside the book and its site: these wait for browsers and for one process of Sphinx, and come first
-# where both want a core. Both run to their ends, and `make test` fails where one does. Where make can (4.0), the lines of
-# each step come together.
+# One after the other: side by side on two cores, browsers and processes wait for each other, and all takes longer.
 test: $(INSTALLED)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
-	@$(MAKE) --no-print-directory --keep-going -j2 $(if $(filter output-sync,$(.FEATURES)),-Oline) test-unit test-site
+	@$(MAKE) --no-print-directory --keep-going test-unit test-site
 
 test-unit: $(INSTALLED)
-	nice -n 5 $(PYTEST) -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not slow" --ignore=tests/site --ignore=tests/book tests
+	$(PYTEST) -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not slow" --ignore=tests/site --ignore=tests/book tests
 
 # Tests of tests/book read pages that a build has executed.
 test-site: $(INSTALLED)
