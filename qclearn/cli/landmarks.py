@@ -10,7 +10,7 @@ import qclearn as qc
 
 from ..io.frames import TKR, side_of_name
 from ..io.hemisphere import read_hemisphere, require_side
-from ..io.safe import is_plain_name, write_whole
+from ..io.safe import NOT_PLAIN, is_plain_name, write_whole
 from ..io.values import read_label
 from ..registration.curves import (
     SCANNER,
@@ -88,8 +88,7 @@ def landmarks(
         curves += template_curves
     for curve in curves:
         if not is_plain_name(curve["name"]):  # `register` would refuse it
-            fault = "is longer than 200 characters or holds control characters"
-            raise qc.LandmarkError(f"the name {curve['name'][:40]!r} {fault}; rename it")
+            raise qc.LandmarkError(f"the name {curve['name'][:40]!r} {NOT_PLAIN}; rename it")
         curve |= {side: as_given(one, curve[side]) for side, one in sides.items()}
     check_curves(contents, *(one.given for one in sides.values()))
     write_whole(Path(out), lambda place: place.write_text(json.dumps(contents, indent=2) + "\n"))

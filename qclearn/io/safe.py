@@ -264,6 +264,9 @@ def _runs(process):
     return True
 
 
+NOT_PLAIN = "is longer than 200 characters or holds control characters"
+
+
 def is_plain_name(name):
     """Whether a curve's name can be shown: up to 200 characters, no control characters."""
     return len(name) <= 200 and name.isprintable()

@@ -18,7 +18,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
 from ..io.frames import TKR
-from ..io.safe import is_plain_name, read_bytes
+from ..io.safe import NOT_PLAIN, is_plain_name, read_bytes
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import Mesh, Surface, SurfaceError
 from ..surfaces.units import UNITS, size_of
@@ -240,9 +240,8 @@ def read_landmarks(path):
     for number, curve in enumerate(curves if isinstance(curves, list) else []):
         name = curve.get("name") if isinstance(curve, dict) else None
         if isinstance(name, str) and not is_plain_name(name):
-            fault = "is longer than 200 characters or holds control characters"
             raise LandmarkError(
-                f"{path}: the name of curve {number} {fault}: {name[:40]!r}; rename it"
+                f"{path}: the name of curve {number} {NOT_PLAIN}: {name[:40]!r}; rename it"
             )
     return contents
 

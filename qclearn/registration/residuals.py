@@ -4,7 +4,7 @@ has `residual(f)` and the sparse derivative `rows(f)`."""
 import numpy as np
 from scipy import sparse
 
-from ..plane.linear import three_a_row
+from ..plane.linear import opposite_edges, three_a_row
 from .features import Image
 
 TANGENTIAL_WEIGHT = 0.1  # of a sliding landmark's residual along its target curve
@@ -139,8 +139,7 @@ class AreaTerm:
         """Sparse complex R (F, N): the residual changes by `Re(conj(R) df)`."""
         faces, areas = self.disk.faces, self.disk.at(f).areas
         corners = f[faces]
-        opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
-        growth = 0.5j * opposite / np.maximum(areas, self.floor)[:, None]
+        growth = 0.5j * opposite_edges(corners) / np.maximum(areas, self.floor)[:, None]
         growth[areas <= self.floor] = 0  # the floor has no slope
         slopes = self.slopes[self.places.at(f)[0]][faces] / 3
         return three_a_row(self.scale[:, None] * (growth + slopes), faces, len(f))
