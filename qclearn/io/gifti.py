@@ -211,7 +211,10 @@ def _placed(values, index):
 def labels_of(image):
     """The label table: dict key -> (name, (red, green, blue, alpha) from 0 to 1)."""
     return {
-        label.key: (label.label or "", tuple(1.0 if part is None else part for part in label.rgba))
+        label.key: (
+            getattr(label, "label", None) or "",
+            tuple(1.0 if part is None else part for part in label.rgba),
+        )
         for label in image.labeltable.labels
     }
 

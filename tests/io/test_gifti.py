@@ -219,6 +219,15 @@ def test_several_maps_stay_columns(tmp_path):
     np.testing.assert_array_equal(read_values(tmp_path / "a.func.gii"), maps)
 
 
+def test_a_label_without_a_name_is_a_label(tmp_path):
+    path = tmp_path / "a.label.gii"
+    write_values(path, np.array([0, 7, 3, 7]))
+    text = path.read_bytes()
+    assert text.count(b">3</Label>") == 1
+    path.write_bytes(text.replace(b">3</Label>", b"></Label>"))
+    assert read_map(path).labels[3][0] == "" and read_map(path).labels[7][0] == "7"
+
+
 def gifti(path, *arrays, keys=()):
     """A file of arrays, each (data, intent), and a table of the keys."""
     table = nibabel.gifti.GiftiLabelTable()
