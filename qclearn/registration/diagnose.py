@@ -14,7 +14,7 @@ import numpy as np
 
 from ..plane.mobius import nearest_mobius
 from ..surfaces.surface import SurfaceError
-from .features import FOLDS, SCALE, align_by_features, check_features, featured, mirrored_gain
+from .features import FOLDS, SCALE, align_by_features, check_features, featured
 from .metrics import mean_rows
 
 LIMITS = {
@@ -81,26 +81,24 @@ def diagnose_landmarks(pair):
     than as given."""
     if len(pair.curves) >= FEWEST:
         return diagnose_ends(pair)
-    # Too few curves: the folds lay the disks on each other, unless they fit in any position.
-    aligned = align_by_folds(pair)
-    if aligned is None:
+    # Too few curves: the folds and places in space judge the hand, and the folds lay the disks on
+    # each other, unless they fit in any position.
+    try:
+        pair = with_folds(pair)
+    except SurfaceError:  # a surface without folds
         return []
-    if mirrored_gain(aligned.moving, aligned.control) > LIMITS["hand"]:
+    directions = pair.directions
+    if directions.mirrored_r > max(directions.r + LIMITS["hand"], LEAST_R):
         return [f"mirror: the folds fit the mirrored moving surface much better; {MIRROR}"]
-    if pair.curves and rotation_contrast(aligned) > LIMITS["rotation_contrast"]:
-        return diagnose_ends(aligned)
+    if pair.curves:
+        aligned = align_by_folds(pair)
+        if rotation_contrast(aligned) > LIMITS["rotation_contrast"]:
+            return diagnose_ends(aligned)
     return []
 
 
 def align_by_folds(pair):
-    """The pair with the moving disk aligned by its features, or else by its folds;
-    None without any."""
-    if not pair.curves:
-        return pair
-    try:
-        pair = with_folds(pair)
-    except SurfaceError:  # a surface without folds
-        return None
+    """The pair with the moving disk aligned by its features."""
     disk = pair.moving.disk
     disk = disk.at(align_by_features(pair.features, disk.z))
     return replace(pair, moving=replace(pair.moving, disk=disk))
