@@ -129,7 +129,7 @@ def fitted(subject, mean, weights):
     except BijectivityError as error:
         return Fitted(None, [f"folds: {error}"])
     reasons = [*switched_rows(fit, surface), *strong_distortion(surface, fit.mu)]
-    reasons += disagreeing(features, subject.disk.z)
+    reasons += disagreeing(features, subject.disk.z, fit.f)
     r = {name: after for name, (_, after) in fit.r.items()}
     return Fitted(fit.f, reasons, [*subject.messages, *fit.fallbacks], r)
 

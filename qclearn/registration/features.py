@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 from scipy import sparse
-from scipy.spatial import KDTree
-from scipy.spatial.transform import Rotation
 
 from ..plane.grids import thinned
 from ..plane.linear import LARGE, heat_flow
 from ..plane.mobius import centring_mobius, compose_mobius, mobius, mobius_fields
+from ..surfaces.checks import degenerate_faces
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import Surface, SurfaceError
 from .problem import is_finite
@@ -211,11 +211,12 @@ class RotationSearch:
         here, values = features.at(SCALE)
         self.some = np.random.default_rng(0).choice(len(here), POINTS, p=features.areas)
         self.here, self.values = here[self.some] * features.shares / POINTS, values
-        self.tree = KDTree(there)
+        self.tree = scipy.spatial.KDTree(there)
 
     def best(self, sphere):
         """The features' correlation after the best rotation of a sphere (V, 3) about the axes of
         space by up to TURNS in all, and the sphere after it."""
+        Rotation = scipy.spatial.transform.Rotation
         best, r = Rotation.identity(), -np.inf
         for turn in TURNS:
             # From coarse to fine: a grid of rotations around the best one so far.
@@ -238,15 +239,17 @@ def crude_sphere(surface):
     centred, with deviation 1 along each axis of space, they are taken to the sphere from its
     centre. Sides that lie in space alike lie alike on their spheres, wherever they were cut.
     """
-    rim = surface.boundary
-    centre = len(surface.vertices)
-    fan = np.stack([np.roll(rim, -1), rim, np.full(len(rim), centre)], axis=1)
+    rim, count = surface.boundary, len(surface.vertices)
+    fan = np.stack([np.roll(rim, -1), rim, np.full(len(rim), count)], axis=1)
     places = np.vstack([surface.vertices, surface.vertices[rim].mean(0)])
-    closed = Surface(places, np.vstack([surface.faces, fan]))
-    mass, areas = sparse.diags_array(closed.vertex_areas), closed.vertex_areas / closed.area
-    time = ROUND**2 * closed.area / HEMISPHERE / (2 * HEAT_STEPS)
-    places = heat_flow(mass, time * closed.stiffness, mass @ (places - areas @ places), HEAT_STEPS)
-    places = standardised(places, areas)[:centre]
+    # A slit's rim may have faces without area in its fan; it needs none.
+    slit = len(degenerate_faces(places, fan)) > 0
+    closed = surface if slit else Surface(places, np.vstack([surface.faces, fan]))
+    areas = closed.vertex_areas / closed.area
+    mass, time = sparse.diags_array(areas), ROUND**2 / HEMISPHERE / (2 * HEAT_STEPS)
+    places = closed.vertices - areas @ closed.vertices
+    places = heat_flow(mass, time * closed.stiffness, mass @ places, HEAT_STEPS)
+    places = standardised(places, areas)[:count]
     return places / np.maximum(np.linalg.norm(places, axis=1, keepdims=True), np.finfo(float).tiny)
 
 
