@@ -39,7 +39,7 @@ from qclearn.registration.diagnose import (
     surface_hypotheses,
     with_folds,
 )
-from qclearn.registration.features import FOLDS, mirrored_gain
+from qclearn.registration.features import FOLDS
 from qclearn.registration.pair import SurfacePair
 from qclearn.surfaces.conformal import ParameterizedSurface, parameterize
 
@@ -144,7 +144,8 @@ def folds_say(moving, control, entries, result):
         ParameterizedSurface(s, Disk(z[side], s.faces)) for side, s in (("moving", moving), ("control", control))
     )
     laid = align_by_folds(with_folds(SurfacePair(here, there, entries, [])))
-    case = {"hand": mirrored_gain(laid.moving, laid.control), "rotation_contrast": rotation_contrast(laid)}
+    hand = laid.directions.mirrored_r - laid.directions.r
+    case = {"hand": hand, "rotation_contrast": rotation_contrast(laid)}
     return case | ({"hypotheses": hypotheses(laid)} if entries else {})
 
 

@@ -122,7 +122,7 @@ def register(
       curve:       one curve ends over 5 mm from its target, and five times as far as the median one
       rows:        the map folded, and was repaired at more than 0.5 % of the vertices
       distortion:  |mu| is over 0.9 on more than 1 % of the surface
-      features:    those of the two sides hardly agree after the best Möbius map, or have opposite signs
+      features:    those of the two sides hardly agree, have opposite signs, or lead far from places in space
       worse:       a held-out curve or the annotations fit clearly worse than after the best Möbius map
       units:       a surface has the length of a hemisphere in metres or micrometres: give --units
     """

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..io.checkpoint import Checkpoint
 from ..io.safe import npz_arrays, npz_bytes
-from ..registration.features import HEMISPHERE, mirrored_gain
+from ..registration.features import HEMISPHERE
 from . import subject as of
 from .members import TemplateError
 from .subject import Fitted, alone, mean_of
@@ -122,7 +122,7 @@ class Group:
 
     def check_sides(self, mean):
         """TemplateError where subjects fit the mean much better if they are mirrored."""
-        gains = self.results([self.submit(mirrored_gain, each, mean) for each in self.subjects])
+        gains = self.results([self.submit(of.mirrored_gain, each, mean) for each in self.subjects])
         other = [gain > OTHER_SIDE for gain in gains]
         # True: the subject that the others are aligned with is the odd one.
         most = 2 * sum(other) > len(other)

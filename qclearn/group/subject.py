@@ -14,6 +14,7 @@ from ..registration.features import (
     FeatureError,
     Features,
     Smoothing,
+    align_by_features,
     mobius_by_features,
     standardised,
 )
@@ -128,9 +129,19 @@ def fitted(subject, mean, weights):
     except BijectivityError as error:
         return Fitted(None, [f"folds: {error}"])
     reasons = [*switched_rows(fit, surface), *strong_distortion(surface, fit.mu)]
-    reasons += disagreeing(features, subject.disk.z)
+    reasons += disagreeing(features, subject.disk.z, fit.f)
     r = {name: after for name, (_, after) in fit.r.items()}
     return Fitted(fit.f, reasons, [*subject.messages, *fit.fallbacks], r)
+
+
+def mirrored_gain(moving, control):
+    """Increase of the features' mean correlation at SCALE when a moving `ParameterizedSurface`,
+    aligned by features with the control's or a group's mean, is mirrored and aligned anew.
+    Positive: it belongs to the other hemisphere."""
+    features, z = Features(moving, control), moving.disk.z
+    mirrored = align_by_features(features, z.conj())
+    gain = features.correlation(mirrored, SCALE) - features.correlation(z, SCALE)
+    return float(gain.mean())
 
 
 def inverse(subject, f, points):

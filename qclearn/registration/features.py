@@ -10,13 +10,15 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 from scipy import sparse
 
 from ..plane.grids import thinned
 from ..plane.linear import LARGE, heat_flow
 from ..plane.mobius import centring_mobius, compose_mobius, mobius, mobius_fields
+from ..surfaces.checks import degenerate_faces
 from ..surfaces.curvature import mean_curvature, sulcal_depth
-from ..surfaces.surface import SurfaceError
+from ..surfaces.surface import Surface, SurfaceError
 from .problem import is_finite
 
 COMPUTED = {"depth": sulcal_depth, "curvature": mean_curvature}
@@ -28,6 +30,7 @@ FINEST = 4.0  # mm, the scale at which features are compared in reports
 OUTLIERS = 2.5
 SMOOTH_OUTLIERS = 3.0
 TAIL = 0.01
+ROUND = 20.0  # mm, the scale at which a hemisphere has no folds and still its shape
 HEAT_STEPS = 4  # implicit steps of the heat flow to one scale
 COARSE = 12_000  # vertices of a large surface on which coarser scales are smoothed
 # mm^2, of a surface on which a scale is in mm; on others in proportion, whatever their unit.
@@ -44,6 +47,9 @@ SCOUTS = 300
 POINTS = 1500
 ROUNDS = 15  # of refinement, at most
 DAMPING = 1e-2  # of the first step, in parts of the normal matrix
+
+# Rotations of crude spheres: degrees about each axis of space, from coarse to fine.
+TURNS = (32, 16, 8, 4, 2)
 
 
 class Smoothing:
@@ -178,22 +184,73 @@ class Features:
         return np.clip(self.areas @ (here * there), -1, 1)
 
 
-class FeaturesAndPlaces(Features):
-    """Features and, as three more of weight 1, the vertices' places in space, which are smooth
-    enough as they are."""
+class Directions(Features):
+    """Features that lead from afar: the vertices' places on `crude_sphere`s, as smooth as they
+    are, the moving ones after the rotation by which the features at SCALE agree best.
+
+    r: their mean correlation then; mirrored_r: if the moving side is mirrored.
+    """
 
     def __init__(self, features, moving, control):
-        self.features, self.disk, self.areas = features, features.disk, features.areas
-        self.places = [
-            standardised(surface.vertices, surface.vertex_areas / surface.area)
-            for surface in (moving.surface, control.surface)
-        ]
-        weights = [*(len(features.names) * features.shares), 1, 1, 1]
-        self.shares = weights / np.sum(weights)
+        self.disk, self.areas, self.shares = features.disk, features.areas, np.ones(3) / 3
+        here, there = crude_sphere(moving), crude_sphere(control)
+        search = RotationSearch(features, there)
+        self.mirrored_r, _ = search.best(here * [-1, 1, 1])
+        self.r, rotated = search.best(here)
+        self.spheres = rotated, there
 
     def at(self, sigma):
-        """Standardised features at scale sigma, and places: (V, C + 3) and (W, C + 3)."""
-        return tuple(np.hstack(parts) for parts in zip(self.features.at(sigma), self.places))
+        """Places on the unit sphere (V, 3) and (W, 3)."""
+        return self.spheres
+
+
+class RotationSearch:
+    """Rotations of a moving sphere onto a control's (W, 3), tried on POINTS of its vertices."""
+
+    def __init__(self, features, there):
+        here, values = features.at(SCALE)
+        self.some = np.random.default_rng(0).choice(len(here), POINTS, p=features.areas)
+        self.here, self.values = here[self.some] * features.shares / POINTS, values
+        self.tree = scipy.spatial.KDTree(there)
+
+    def best(self, sphere):
+        """The features' correlation after the best rotation of a sphere (V, 3) about the axes of
+        space by up to TURNS in all, and the sphere after it."""
+        Rotation = scipy.spatial.transform.Rotation
+        best, r = Rotation.identity(), -np.inf
+        for turn in TURNS:
+            # From coarse to fine: a grid of rotations around the best one so far.
+            steps = turn * (np.arange(-2, 3) / 2 if turn == TURNS[0] else np.arange(-1, 2) / 2)
+            grid = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3)
+            tried = Rotation.from_euler("xyz", grid, degrees=True) * best
+            places = np.einsum("rij,pj->rpi", tried.as_matrix(), sphere[self.some])
+            _, nearest = self.tree.query(places)
+            found = np.einsum("rpc,pc->r", self.values[nearest], self.here)
+            if found.max() > r:
+                r, best = float(found.max()), tried[int(found.argmax())]
+        return r, best.apply(sphere)
+
+
+def crude_sphere(surface):
+    """The vertices of a surface cut open at one rim on the unit sphere (V, 3), from their places
+    alone.
+
+    A fan closes the rim, and the places follow the closed surface's heat flow to the scale ROUND;
+    centred, with deviation 1 along each axis of space, they are taken to the sphere from its
+    centre. Sides that lie in space alike lie alike on their spheres, wherever they were cut.
+    """
+    rim, count = surface.boundary, len(surface.vertices)
+    fan = np.stack([np.roll(rim, -1), rim, np.full(len(rim), count)], axis=1)
+    places = np.vstack([surface.vertices, surface.vertices[rim].mean(0)])
+    # A slit's rim may have faces without area in its fan; it needs none.
+    slit = len(degenerate_faces(places, fan)) > 0
+    closed = surface if slit else Surface(places, np.vstack([surface.faces, fan]))
+    areas = closed.vertex_areas / closed.area
+    mass, time = sparse.diags_array(areas), ROUND**2 / HEMISPHERE / (2 * HEAT_STEPS)
+    places = closed.vertices - areas @ closed.vertices
+    places = heat_flow(mass, time * closed.stiffness, mass @ places, HEAT_STEPS)
+    places = standardised(places, areas)[:count]
+    return places / np.maximum(np.linalg.norm(places, axis=1, keepdims=True), np.finfo(float).tiny)
 
 
 def featured(moving, control, maps):
@@ -258,16 +315,6 @@ def best_by_features(features, z, search=FOLDED):
 def align_by_features(features, z):
     """The picture (V,) of a moving disk z (V,) under that map."""
     return mobius(z, *best_by_features(features, z))
-
-
-def mirrored_gain(moving, control):
-    """Increase of the features' mean correlation at SCALE when a moving `ParameterizedSurface`,
-    aligned by features with the control's or a group's mean, is mirrored and aligned anew.
-    Positive: it belongs to the other hemisphere."""
-    features, z = Features(moving, control), moving.disk.z
-    mirrored = align_by_features(features, z.conj())
-    gain = features.correlation(mirrored, SCALE) - features.correlation(z, SCALE)
-    return float(gain.mean())
 
 
 class Match:

@@ -19,7 +19,7 @@ from ..plane.coefficients import bounded
 from ..plane.disk import Disk
 from ..plane.mobius import best_mobius, mobius
 from ..plane.solver import DiskSolver
-from .features import PLACED, Features, FeaturesAndPlaces, best_by_features
+from .features import PLACED, Features, best_by_features
 from .multiresolution import COARSE, MultiresolutionFit, feature_levels, landmark_levels, run_level
 from .problem import LandmarkError, Problem, Weights
 
@@ -182,42 +182,42 @@ def fit_registration(
 def better_of_two_starts(multiresolution, guiding, polar, fine, weights, features, watch):
     """GaussNewtonObjective, state and steps of a fit without landmarks, and a message on its start.
 
-    The folds alone may lead a map into a valley that is not theirs. Where the Möbius map of
-    features and of the vertices' places in space lies APART from where the disk was aligned, a
-    second fit begins there, and places lead on its coarsest levels, too. The one whose objective
-    ends lower on the finest polar mesh goes on. guiding: the coarsest of the `polar` levels; fine:
-    those after them.
+    Where two surfaces are cut elsewhere their disks differ by more than a Möbius map, and folds
+    lead it into valleys that are not theirs. A second fit begins where `Directions` lead. Unless it
+    lies near the first, the one whose objective is lower after the `guiding` levels goes on, on the
+    other `polar` levels and the `fine` ones.
     """
     problem, z = multiresolution.problem, multiresolution.problem.disk.z
 
-    def run(levels, features=features, begun=(None, None)):
+    def run(levels, begun=(None, None)):
         return multiresolution.run(levels, weights, None, features, watch, begun=begun)
 
-    # Where do features and places in space lay the disk?
-    placed = FeaturesAndPlaces(features, problem.sides.moving, problem.sides.control)
-    parameters = best_by_features(placed, z, PLACED)
-    apart = features.areas @ abs(mobius(z, *parameters) - z)
-    if apart < APART:
-        return *run([*polar, *fine]), (
-            f"by features; with places in space the start lies {apart:.2g} from there in the disk"
-        )
+    # The crude spheres lead the map from their best Möbius map on.
+    directions = problem.sides.directions
+    leading = multiresolution.objective(guiding[0], weights, directions)
+    nothing = np.zeros(len(leading.coefficient_mesh.mesh.z), complex)
+    state = leading.at(nothing, best_by_features(directions, z, PLACED))
+    state, _ = run_level(leading, state, guiding[0], watch)
+    apart = features.areas @ abs(leading.coefficient_mesh.disk.sampling(z) @ state.f - z)
+    fits = {"spheres": run(guiding, (leading, state))}
+    message = f"by crude spheres, {apart:.2g} in the disk from the best Möbius map of features"
 
-    # Elsewhere: fit from there on the polar meshes as well, and take the better of the two.
-    first = multiresolution.objective(guiding[0], weights, placed)
-    nothing = np.zeros(len(first.coefficient_mesh.mesh.z), complex)
-    coarse = run(guiding, placed, (first, first.at(nothing, parameters)))
-    objective, state, steps = run(polar[len(guiding) :], begun=coarse)
-    fits = {"features": run(polar), "features and places": (objective, state, coarse[2] + steps)}
-    values = {
-        name: objective.value(state, objective.weights.gamma)
-        for name, (objective, state, _) in fits.items()
-    }
-    best, other = sorted(values, key=values.get)
-    objective, state, steps = run(fine, begun=fits[best])
-    message = (
-        f"by {best} (objective {values[best]:.4g}), not by {other} (objective {values[other]:.4g})"
-    )
-    return objective, state, fits[best][2] + steps, message
+    # Far from the best Möbius map of features: fit from there as well, and take the better of both.
+    if apart >= APART:
+        fits["features"] = run(guiding)
+        values = {
+            name: objective.value(state, objective.weights.gamma)
+            for name, (objective, state, _) in fits.items()
+        }
+        best, other = sorted(values, key=values.get)
+        message = (
+            f"by {best} (objective {values[best]:.4g}), not by {other} "
+            f"(objective {values[other]:.4g})"
+        )
+        fits = {"best": fits[best]}
+    (begun,) = fits.values()
+    objective, state, steps = run([*polar[len(guiding) :], *fine], begun)
+    return objective, state, begun[2] + steps, message
 
 
 def rings_for(disk):

@@ -24,7 +24,8 @@ from .residuals import AreaTerm, FeatureTerm, Places
 # Share of the objective that a step on a polar mesh has to promise, as MIN_DECREASE on the
 # caller's.
 MIN_DECREASE_ON_GRID = 1e-2
-# Share of its objective that a step leaves where the next is not worth its cost, on either mesh.
+# Share of the objective that two steps leave where the next is not worth its cost, on either mesh:
+# one step may gain little and the next one much.
 STALL_RATIO = 0.98
 STALL_RATIO_ON_GRID = 0.95
 
@@ -52,7 +53,7 @@ class Level(NamedTuple):
 
     rings: of the mesh of nu; sigma: the features' scale (None: landmarks alone); steps: at most;
     own_mesh: map the surface's own mesh; min_predicted_decrease: share of the objective that a step
-    has to promise; stall_ratio: share that it may leave if another follows, inf for any; share, most:
+    has to promise; stall_ratio: share that two may leave if another follows, inf for any; share, most:
     of gamma; rising: raise gamma to that from FIRST_GAMMA, where nu is 0; proxy_rings: rings of a
     polar mesh that is mapped in the own one's place, with its weights; skip_ratio: take no step
     where the objective is at most so many times that of the level before.
@@ -101,7 +102,7 @@ LEVELS = (
     guided(16, 16.0, 4),
     guided(24, 8.0, 3),
     guided(32, FINEST, 2),
-    Level(32, FINEST, 4, True, MIN_DECREASE, STALL_RATIO),
+    Level(32, FINEST, 10, True, MIN_DECREASE, STALL_RATIO),
 )
 # The same above LARGE vertices, where a step on the own mesh costs ten times as much and gains
 # little more.
@@ -247,7 +248,7 @@ def run_level(objective, state, level, watch=None, enough=0.0):
     gamma = objective.weights.gamma
     low = min(FIRST_GAMMA, gamma) if level.rising and not state.nu.any() else gamma
     gammas = [*10.0 ** np.arange(np.log10(low), np.log10(gamma) - 1e-9), *[gamma] * level.steps]
-    value = objective.value(state, gamma)
+    values = [np.inf, objective.value(state, gamma)]
     for steps, step_gamma in enumerate(gammas):
         if watch:
             watch()
@@ -260,8 +261,8 @@ def run_level(objective, state, level, watch=None, enough=0.0):
         if after is None and step_gamma == gamma:
             return state, steps
         state = after or state
-        last, value = value, objective.value(state, gamma)
-        if value > level.stall_ratio * last:
+        values.append(objective.value(state, gamma))
+        if values[-1] > level.stall_ratio * values[-3]:
             return state, steps + 1
     return state, len(gammas)
 

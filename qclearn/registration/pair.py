@@ -12,7 +12,7 @@ from scipy.sparse import vstack
 from ..plane.mobius import best_mobius, mobius
 from ..surfaces.conformal import ParameterizedSurface, apply_mobius
 from .curves import POINTS_PER_CURVE, checked_curves, detect_curves, resample, sample_curve
-from .features import FeatureError, Features, mobius_by_features
+from .features import Directions, FeatureError, Features, mobius_by_features
 from .problem import LandmarkError, Problem, distinct, meeting
 
 
@@ -25,6 +25,11 @@ class SurfacePair:
     curves: list
     held: list
     features: Features | None = None
+
+    @cached_property
+    def directions(self):
+        """The features' `Directions`, which lay the surfaces on each other by places in space."""
+        return Directions(self.features, self.moving.surface, self.control.surface)
 
     @property
     def messages(self):

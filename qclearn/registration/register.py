@@ -20,7 +20,7 @@ from .fit import certified, fit_with_fallbacks
 from .networks import TOLERANCE, certified_network_map, gamma_messages, predicted
 from .pair import SurfacePair, align_disks, sample_landmarks
 from .problem import BY_DISKS, DELTA, ETA, LandmarkError, Weights
-from .report import check_annotations, feature_messages, report_of
+from .report import check_annotations, report_of
 from .uncertainty import check_uncertainty, uncertainty_of, uncertainty_report
 
 STOPPED = (
@@ -186,7 +186,6 @@ def register(
     with stages("detect"):
         detect = networks["ldnet"].detect if networks else None
         landmarks = sample_landmarks(pair, detect, sliding)
-        against = feature_messages(pair, landmarks)
 
     # The map is fitted, or predicted by the networks, and certified.
     if stopped:
@@ -203,7 +202,7 @@ def register(
     # The inverse of the control's disk map takes the vertices to the control, where we measure.
     with stages("pull_back"):
         points = pair.control.lift(fit.f)
-        report = report_of(pair, landmarks, weights, fit, points, regions, against)
+        report = report_of(pair, landmarks, weights, fit, points, regions)
     units = other_units(moving=moving, control=control)
     report["suspect"] = [*wrong, *units, *([] if stopped else report["suspect"])]
     report["stopped"] = STOPPED if stopped else None

@@ -11,7 +11,7 @@ from ..surfaces.checks import degenerate_faces
 from ..surfaces.surface import SurfaceError
 from ..surfaces.units import size_of
 from .curves import POINTS_PER_CURVE, SIDES, curve_distance, curves_in_space, sample_curve
-from .diagnose import FEWEST, align_by_folds, disagreeing, reasons, worse
+from .diagnose import FEWEST, align_by_folds, astray, disagreeing, reasons, worse
 from .metrics import (
     ERRORS,
     coefficient_statistics,
@@ -100,12 +100,11 @@ def dice(pair, regions, *maps):
     return {"before": before, "after": after, "regions": dict(zip(names, rest)), "of": count}
 
 
-def report_of(pair, landmarks, weights, fit, points, regions, against):
+def report_of(pair, landmarks, weights, fit, points, regions):
     """The report of a registration, a dict for JSON, without method and seconds.
 
     landmarks: the pair's `SampledLandmarks`, whose best Möbius map is the `_before` of everything;
-    points (V, 3): the moving vertices on the control; regions: of `check_annotations`; against: of
-    `feature_messages`.
+    points (V, 3): the moving vertices on the control; regions: of `check_annotations`.
     """
     moving = pair.moving.surface
     features = pair.features
@@ -135,22 +134,27 @@ def report_of(pair, landmarks, weights, fit, points, regions, against):
         "curves": rows,
         "held_out_mm": held_out,
         "dice": overlap,
-        "suspect": [*reasons(moving, rows, fit), *against, *worse(held_out, overlap)],
+        "suspect": [
+            *reasons(moving, rows, fit),
+            *feature_messages(pair, landmarks, fit.f),
+            *worse(held_out, overlap),
+        ],
         "stopped": None,
         "version": version("qclearn"),
     }
 
 
-def feature_messages(pair, landmarks):
-    """Why the features of an aligned pair do not agree after the best Möbius map, before any fit:
-    `features:` messages, a list. Curves too few to determine that map make way for the features'
-    own."""
+def feature_messages(pair, landmarks, f):
+    """`features:` messages on an aligned pair and its fitted map f (V,), a list. Curves too few to
+    determine the best Möbius map make way for the features' own; enough of them know the place."""
     if pair.features is None:
         return []
-    messages = [*disagreeing(pair.features, landmarks.mobius_map)]
-    if messages and 0 < len(pair.curves) < FEWEST:
-        return [*disagreeing(pair.features, align_by_folds(pair).moving.disk.z)]
-    return messages
+    start = landmarks.mobius_map
+    few = len(pair.curves) < FEWEST
+    if pair.curves and few:
+        start = align_by_folds(pair).moving.disk.z
+    messages = [*disagreeing(pair.features, start, f)]
+    return messages or ([*astray(pair, f)] if few else [])
 
 
 def error_rows(pair, landmarks, f):

@@ -193,8 +193,8 @@ def test_fits_from_spoilt_starts_end_where_the_good_one_does(spoilt):
 
 def test_the_start_is_told_in_words(spoilt):
     good, *_, last = spoilt
-    assert re.match(r"by features; with places in space the start lies 0\.\d+ from there", good.start)
-    assert re.match(r"by features and places \(objective \S+\), not by features \(objective \S+\)", last.start)
+    assert re.match(r"by crude spheres, 0\.\d+ in the disk from the best Möbius map of features", good.start)
+    assert re.match(r"by spheres \(objective \S+\), not by features \(objective \S+\)", last.start)
     taken, left = map(float, re.findall(r"objective ([\d.]+)", last.start))
     assert taken < left
 

@@ -174,9 +174,9 @@ def test_coarse_features_guide_with_less_weight_and_the_whole_is_asked_for_at_la
 
 
 @pytest.mark.parametrize(
-    "own_mesh, left, steps", [(True, 0.97, 4), (True, 0.99, 1), (False, 0.94, 4), (False, 0.96, 1)]
+    "own_mesh, left, steps", [(True, 0.98, 10), (True, 0.995, 2), (False, 0.94, 4), (False, 0.98, 2)]
 )
-def test_a_level_ends_with_a_step_that_gained_little(own_mesh, left, steps):
+def test_a_level_ends_with_two_steps_that_gained_little(own_mesh, left, steps):
     class Falling:
         """An objective whose steps leave one share of the objective each."""
 

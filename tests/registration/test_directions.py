@@ -1,0 +1,78 @@
+"""The start by crude spheres: places in space lay two surfaces on each other, wherever they were cut."""
+
+import numpy as np
+import pytest
+
+import qclearn as qc
+from qclearn.io.fsaverage import fsaverage5, whole_fsaverage5
+from qclearn.registration import diagnose, features
+from qclearn.registration.diagnose import astray, with_folds
+from qclearn.registration.features import crude_sphere
+from qclearn.registration.pair import SurfacePair
+from qclearn.surfaces.conformal import parameterize
+from qclearn.surfaces.opening import open_surface
+
+LEFT = fsaverage5("left")
+WHOLE = whole_fsaverage5("left", "pial")
+
+
+def cut_wider(mm):
+    """The left side cut so many mm beyond its medial wall."""
+    rim = WHOLE.vertices[LEFT.original_vertices[LEFT.boundary]]
+    near = np.linalg.norm(WHOLE.vertices[:, None] - rim, axis=2).min(1) < mm
+    wall = ~np.isin(np.arange(len(WHOLE.vertices)), LEFT.original_vertices)
+    opened, kept = open_surface(WHOLE, near | wall)
+    return qc.Surface(opened.vertices, opened.faces, original_vertices=kept)
+
+
+@pytest.fixture(scope="module")
+def wide():
+    return cut_wider(8.0)
+
+
+def test_a_crude_sphere_does_not_hang_on_the_cut(wide):
+    both, here, there = np.intersect1d(LEFT.original_vertices, wide.original_vertices, return_indices=True)
+    off = np.linalg.norm(crude_sphere(LEFT)[here] - crude_sphere(wide)[there], axis=1)
+    assert len(both) > 8000 and off.mean() < 0.05 and np.allclose(np.linalg.norm(crude_sphere(wide), axis=1), 1)
+
+
+def test_nor_on_the_unit_and_the_place_of_the_axes_origin():
+    moved = qc.Surface(1e-3 * LEFT.vertices + 7.0, LEFT.faces)
+    np.testing.assert_allclose(crude_sphere(moved), crude_sphere(LEFT), atol=1e-6)
+
+
+def test_a_flat_surface_has_one():
+    z, faces = qc.polar_disk(6, 24)
+    assert np.isfinite(crude_sphere(qc.Surface(np.stack([z.real, z.imag, 0 * z.real], axis=1), faces))).all()
+
+
+def test_a_rim_that_no_fan_can_close_stays_open(monkeypatch):
+    """As of a slit that runs through its own middle: faces of the fan would have no area."""
+    closed = crude_sphere(LEFT)
+    monkeypatch.setattr(features, "degenerate_faces", lambda *mesh: np.arange(1))
+    left_open = crude_sphere(LEFT)
+    assert 0 < np.linalg.norm(left_open - closed, axis=1).mean() < 0.2
+
+
+def test_two_cuts_of_one_brain_find_each_other(wide):
+    """The truth is known: both are the same mesh."""
+    result = qc.register(wide, LEFT, [])
+    off = np.linalg.norm(result.points - wide.vertices, axis=1)
+    assert result.report["suspect"] == [] and result.report["bijective"]
+    assert np.median(off) < 1.0 and off.mean() < 2.0
+
+
+def test_a_map_that_lies_elsewhere_is_told():
+    pair = with_folds(SurfacePair(parameterize(LEFT), parameterize(LEFT), [], []))
+    z = pair.moving.disk.z
+    assert list(astray(pair, z)) == []
+    (reason,) = astray(pair, z * np.exp(0.7j))
+    assert reason.startswith("features: the map takes the surface") and "landmark curve" in reason
+
+
+def test_a_map_whose_folds_agree_is_right_wherever_the_axes_point(monkeypatch):
+    turned = qc.Surface(LEFT.vertices[:, [1, 2, 0]], LEFT.faces)
+    pair = with_folds(SurfacePair(parameterize(turned), parameterize(LEFT), [], []))
+    assert list(astray(pair, pair.moving.disk.z)) == []
+    monkeypatch.setattr(diagnose, "SURE_R", 1.1)
+    assert len(list(astray(pair, pair.moving.disk.z))) == 1
