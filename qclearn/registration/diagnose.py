@@ -14,6 +14,7 @@ import numpy as np
 
 from ..plane.mobius import nearest_mobius
 from ..surfaces.surface import SurfaceError
+from ..surfaces.units import size_of
 from .features import FOLDS, SCALE, align_by_features, check_features, featured
 from .metrics import mean_rows
 
@@ -95,8 +96,10 @@ def diagnose_landmarks(pair):
         pair = with_folds(pair)
     except SurfaceError:  # a surface without folds
         return []
+    # Axes of space have a meaning on hemispheres.
+    hemispheres = all(size_of(getattr(pair, side).surface)[1] for side in SIDES)
     directions = pair.directions
-    if directions.mirrored_r > max(directions.r + LIMITS["hand"], LEAST_R):
+    if hemispheres and directions.mirrored_r > max(directions.r + LIMITS["hand"], LEAST_R):
         return [f"mirror: the folds fit the mirrored moving surface much better; {MIRROR}"]
     if pair.curves:
         aligned = align_by_folds(pair)
