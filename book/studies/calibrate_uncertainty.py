@@ -28,7 +28,7 @@ from qclearn.io.provenance import commit
 from qclearn.io.safe import write_whole
 from qclearn.registration.curves import curve_distance, curves_of_both
 from qclearn.registration.metrics import quantile
-from qclearn.registration.problem import DELTA, ETA, INDIVIDUAL, Weights
+from qclearn.registration.problem import DELTA, ETA, Weights
 from qclearn.registration.uncertainty import MOST, calibrated
 
 SIZES = {
@@ -165,7 +165,7 @@ def on_warps(checkpoint, factors):
 def at_ends(checkpoint, factors):
     """`judged` of two pairs that judge, at the ends of what each weight may be."""
     rows = []
-    for weights in [*ENDS, INDIVIDUAL]:
+    for weights in ENDS:
         name = "-".join(f"{key}-{value:g}" for key, value in weights.items())
         for first, setting in enumerate(("all", "half")):
             seeds, sizes = ([FIRST["judge"] + n for n in (first, first + 1)], SIZES["judge"][first : first + 2])

@@ -1,13 +1,13 @@
 """Measure which weights of the fit bring a map nearest to the truth on real cortex, and what they
 do to areas.
 
-    python -m book.studies.choose_weights [--individual SURFACE LANDMARKS]
+    python -m book.studies.choose_weights --people FOLDER
 
-Real problems judge first: either side of fsaverage5 and of conte69 onto the other, by the curves
+Real problems judge first: people onto people by folds alone, FOLDER's open hemispheres of one side
+with their curves in npz; either side of fsaverage5 and of conte69 onto the other, by the curves
 that took no part, with the other half of the curves and by folds alone; warps of fsaverage5, by the
-truth; and one person's surface onto fsaverage5's left side by folds alone, if its file is given.
-The synthetic cohort, of the generation whose true maps change areas as little as real ones, judges
-second. Each kind is parted in two halves: one chooses, the other tells.
+truth. The synthetic cohort, of the generation whose true maps change areas as little as real ones,
+judges second. Each kind is parted in two halves: one chooses, the other tells.
 
 The rule: of the settings whose landmarks end at most ALLOWED from their targets, whose figure on
 real problems (the geometric mean, mm) is within CLOSE of the least, and whose figure on the cohort
@@ -19,12 +19,12 @@ import argparse
 import json
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, replace
+from itertools import permutations
 from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-import qclearn as qc
 from qclearn.benchmark.cortex import (
     AMPLITUDES,
     HALVES,
@@ -32,16 +32,18 @@ from qclearn.benchmark.cortex import (
     conte69_sides,
     fsaverage_side,
     heldout_pair,
+    person,
     warp_pair,
 )
 from qclearn.benchmark.measured import RESULTS, write_measured
 from qclearn.benchmark.methods.folds import with_folds
-from qclearn.benchmark.pairs import CONTROL, Pair, cohort_pair, mapped, mapped_subject, prepare
+from qclearn.benchmark.pairs import CONTROL, Pair, cohort_pair, mapped_subject, prepare
 from qclearn.benchmark.trial import map_figures
 from qclearn.io.provenance import provenance
+from qclearn.registration.curves import curves_of_both
 from qclearn.registration.fit import fit_with_fallbacks
 from qclearn.registration.pair import align_disks, sample_landmarks
-from qclearn.registration.problem import BY_DISKS, DELTA, ETA, INDIVIDUAL, Weights
+from qclearn.registration.problem import BY_DISKS, DELTA, ETA, Weights
 
 GENERATION = 4  # of the cohort: its true maps keep areas about as well as maps of real cortex do
 SEEDS = range(3001, 3007)  # not those of the benchmark or of the training sets
@@ -53,12 +55,13 @@ KEPT = ("held_out_mm", "correspondence_mm", "correspondence_sulci_mm", "landmark
 FOLDED = (
     (1e-2, 1e3, BY_DISKS, 0.0, False),
     (1e-2, 1e3, 1.0, 0.25, False),
+    (1e-2, 1e3, 2.0, 1.0, False),
+    (1e-2, 1e3, 2.5, 2.5, False),
     (1e-2, 1e3, DELTA, ETA, False),
-    (1e-2, 1e3, 3.0, 1.5, False),
-    (1e-2, 1e3, 3.0, 3.0, False),
-    (5e-3, 1e3, 4.0, 3.0, False),
-    (INDIVIDUAL["beta"], 1e3, INDIVIDUAL["delta"], INDIVIDUAL["eta"], False),
-    (3e-2, 1e3, DELTA, ETA, False),
+    (1e-2, 1e3, 4.0, 4.0, False),
+    (5e-3, 1e3, 3.0, 3.0, False),
+    (3e-3, 1e3, DELTA, ETA, False),
+    (2e-2, 1e3, DELTA, ETA, False),
     (1e-2, 1e4, DELTA, ETA, False),
     (1e-2, 1e3, DELTA, ETA, True),
 )
@@ -73,18 +76,25 @@ ALONE = (
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--individual", nargs=2, metavar=("SURFACE", "LANDMARKS"), help="onto fsaverage5's left side")
+    parser.add_argument("--people", type=Path, required=True, metavar="FOLDER", help="NAME.npz with curves")
     parser.add_argument("--workers", type=int, default=2)
     options, made = parser.parse_args(), provenance()
-    names = [*problems(), *(["individual"] if options.individual else [])]
+    pairs = people(options.people)
+    names = [*problems(), *(f"people, {k}" for k in range(len(pairs)))]
     with ProcessPoolExecutor(options.workers) as pool:
-        found = list(pool.map(measured, names, [options.individual] * len(names)))
+        found = list(pool.map(measured, names, [pairs] * len(names)))
     rows = [row for part in found for row in part]
     table = [line(setting, [row for row in rows if row["setting"] == setting]) for setting in FOLDED + ALONE]
     taken = chosen(table)
     rules = {"allowed_mm": ALLOWED, "close": CLOSE, "close_cohort": COHORT, "chosen": table.index(taken)}
     subjects = {"seeds": list(SEEDS), "control": CONTROL, "generation": GENERATION}
+    subjects["people"] = [" to ".join(path.stem for path in pair) for pair in pairs]
     write_measured("weights", RESULTS / "weights.json", {"table": table, **subjects, **rules, "provenance": made})
+
+
+def people(folder):
+    """The ordered pairs of a folder's files."""
+    return list(permutations(sorted(folder.glob("*.npz")), 2))
 
 
 def problems():
@@ -102,7 +112,7 @@ def chooses(name):
     return part == HALVES[0] or (part.isdigit() and int(part) % 2 == 0 and int(part) != AMPLITUDES[1])
 
 
-def pair_of(name, individual):
+def pair_of(name, people):
     """The `Pair` of a problem."""
     kind, *given = name.split(", ")
     if kind == "heldout":
@@ -115,23 +125,23 @@ def pair_of(name, individual):
     if kind == "cohort":
         subject, control = (mapped_subject(seed, 10_000, None, GENERATION) for seed in (int(given[0]), CONTROL))
         return cohort_pair(subject, control)
-    surface, landmarks = individual
-    curves = tuple(json.loads(Path(landmarks).read_text())["curves"])
-    return Pair(mapped(qc.read_surface(surface)), mapped(qc.fsaverage5("left")), curves, held=curves)
+    moving, control = (person(path) for path in people[int(given[0])])
+    curves = tuple(curves_of_both(moving.surface, control.surface))
+    return Pair(moving, control, curves, held=curves)
 
 
-def measured(name, individual):
+def measured(name, people):
     """Rows of one problem, a setting each, with landmarks and, from every first half, by folds
     alone."""
     with threadpool_limits(1):
-        pair = pair_of(name, individual)
+        pair = pair_of(name, people)
         prepared, rows = prepare(pair), []
         sides = with_folds(prepared.problem)
         free = align_disks(replace(sides, curves=[], held=[]))
         given = replace(
             prepared.problem, sides=replace(sides, moving=replace(sides.moving, disk=prepared.problem.disk))
         )
-        ways = {"individual": ["free"], "warp": ["landmarks"]}.get(name.split(",")[0], ["landmarks", "free"])
+        ways = {"people": ["free"], "warp": ["landmarks"]}.get(name.split(",")[0], ["landmarks", "free"])
         ways = ways[:1] if name.endswith(HALVES[1]) else ways
         for setting in FOLDED + ALONE:
             beta, gamma, delta, eta, sliding = setting
@@ -153,7 +163,8 @@ def line(setting, rows):
     beta, gamma, delta, eta, sliding = setting
     real = [row for row in rows if not row["problem"].startswith("cohort")]
     cohort = [row for row in rows if row["problem"].startswith("cohort")]
-    told = {"real": real, "cohort": cohort}
+    people = [row for row in real if row["problem"].startswith("people")]
+    told = {"real": real, "people": people, "cohort": cohort}
     judged = {
         f"{kind}_{half}_mm": geometric(
             [judge(row) for row in told[kind] if chooses(row["problem"]) == (half == "chosen")]
@@ -168,6 +179,7 @@ def line(setting, rows):
         "sliding": sliding,
         **{key: mean([row[key] for row in with_curves if row[key] is not None]) for key in KEPT[:4]},
         **judged,
+        "people_log2_area": mean([row["p95_log2_area"] for row in people]),
         "real_log2_area": mean([row["p95_log2_area"] for row in real]),
         "allowed": mean(errors) <= ALLOWED[0] and max(errors) <= ALLOWED[1],
     }

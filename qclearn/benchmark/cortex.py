@@ -2,7 +2,8 @@
 
 "heldout": fsaverage5, either side onto the other, with half of its curves held out. "warp":
 fsaverage5's left side or a synthetic one with another mesh, warped in space, onto itself: ground
-truth. "conte69": sides that correspond by vertex index and carry held-out maps.
+truth. "conte69": sides that correspond by vertex index and carry held-out maps. "folder": each
+person of a folder onto each other, with half of their curves held out.
 """
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from ..io.conte69 import conte69
 from ..io.fsaverage import fsaverage5, named_sulci
+from ..io.meshes import read_surface
 from ..plane.grids import joined
 from ..registration.curves import curves_of_both, fundus_metric, fundus_path
 from ..surfaces.surface import Surface, mirror
@@ -38,10 +40,15 @@ def with_curves(surface, ends):
     return Surface(surface.vertices, surface.faces, curves)
 
 
-def heldout_pair(moving, control, part):
-    """Two sides of a brain; a part of their curves is fitted, the others are held out."""
+def heldout_pair(moving, control, part, there_and_back=True):
+    """Two sides of a brain, or of two; a part of their curves is fitted, the others are held out."""
     fitted, held = parted(curves_of_both(moving.surface, control.surface), part)
-    return Pair(moving, control, fitted, held=held, there_and_back=True)
+    return Pair(moving, control, fitted, held=held, there_and_back=there_and_back)
+
+
+def person(path):
+    """A person's open hemisphere from its npz, with the curves in it, `Mapped`."""
+    return mapped(read_surface(path))
 
 
 def parted(curves, part):

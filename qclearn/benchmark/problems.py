@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import permutations
+from pathlib import Path
 
 from data_synth.cohort import SEEDS
 
@@ -34,16 +36,35 @@ class Spec:
 
 
 def problems(subjects, sets):
-    """The Specs of the sets, list; BenchmarkError, or ImportError where a set's files are missing."""
-    unknown = sorted(set(sets) - set(SETS))
-    if unknown or not sets:
+    """The Specs of the sets, list; "folder:DIR" is the set of a folder's people. BenchmarkError, or
+    ImportError where a set's files are missing."""
+    folders = [name for name in sets if name.startswith("folder:")]
+    sets = [name for name in sets if name not in folders]
+    unknown = sorted(set(sets) - set(SETS[:-1]))
+    if unknown or not sets + folders:
         names = ", ".join(unknown) or "given"
-        raise BenchmarkError(f"no set of problems {names}; there are {', '.join(SETS)}")
+        raise BenchmarkError(f"no set of problems {names}; there are {', '.join(SETS)}:DIR")
     if not isinstance(subjects, int) or not 1 <= subjects <= len(SEEDS):
         raise BenchmarkError(f"{subjects!r} subjects: the cohort has 1 to {len(SEEDS)}")
     if "conte69" in sets:
         installed_folder()
-    return [spec for spec in every_problem(subjects) if spec.set in sets]
+    people = [spec for name in folders for spec in people_problems(Path(name.partition(":")[2]))]
+    return [spec for spec in every_problem(subjects) if spec.set in sets] + people
+
+
+def people_problems(folder):
+    """The Specs of a folder's people, each onto each other, with either half of their curves."""
+    paths = sorted(folder.glob("*.npz"))
+    if len(paths) < 2:
+        raise BenchmarkError(
+            f"{folder}: {len(paths)} files *.npz; give at least two open hemispheres of one side, "
+            "with their curves (curve_NAME, as write_surface keeps them)"
+        )
+    for moving, control in permutations(paths, 2):
+        sides = tuple((cortex.person, str(path.absolute())) for path in (moving, control))
+        for part in cortex.HALVES:
+            name = f"{moving.stem} to {control.stem}, {part}"
+            yield Spec("folder", name, cortex.heldout_pair, sides, (part, False))
 
 
 def every_problem(subjects):

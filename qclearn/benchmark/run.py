@@ -71,7 +71,7 @@ def benchmark(
     origin["threads_per_task"] = 1
     seeds = {seed for spec in specs for seed in spec.seeds}
     settings = {
-        "sets": list(sets),
+        "sets": [name.partition(":")[0] for name in sets],
         "subjects": subjects,
         "seeds": sorted(seeds - {CONTROL}),
         "controls": sorted(seeds & {CONTROL}),

@@ -11,7 +11,7 @@ from .methods.networks import network, networks_of
 from .methods.programs import command_parts
 from .pairs import DETECTORS, SOURCES
 
-SETS = ("cohort", "displacement", "fsaverage5", "heldout", "warp", "conte69")
+SETS = ("cohort", "displacement", "fsaverage5", "heldout", "warp", "conte69", "folder")
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,9 @@ class Run:
 KNOWN = ("cohort",)  # the set with true curves and a true map
 DETECTED = (*KNOWN, "fsaverage5")  # sets whose curves have ends to detect them from
 WEIGHED = (*KNOWN, "displacement", "fsaverage5")  # sets with a row for every weight of a method
-HELD_OUT = ("heldout", "conte69")  # sets with held-out curves
+HELD_OUT = ("heldout", "conte69", "folder")  # sets with held-out curves
 FOLDED = (*DETECTED, *HELD_OUT, "warp")  # all sets with folds to match
-COARSE = (*WEIGHED, "heldout", "warp")  # all but conte69 with its 29,000 vertices: for slow methods
+COARSE = (*WEIGHED, "heldout", "warp")  # those with few vertices: for slow methods
 USUAL = {"alpha": Weights.alpha, "beta": Weights.beta, "gamma": Weights.gamma}
 HYBRID = USUAL | {"delta": DELTA}
 EQUAL = {"alpha": 1.0, "beta": 1.0}

@@ -4,13 +4,11 @@ from pathlib import Path
 
 import click
 import numpy as np
-from click.core import ParameterSource
 
 from ..io.hemisphere import require_side
 from ..io.meshes import frame_of
 from ..io.values import read_map, read_regions
 from ..registration.features import FOLDS, Feature, FeatureError
-from ..registration.problem import INDIVIDUAL
 from ..surfaces.units import UNITS
 
 units_option = click.option(
@@ -22,15 +20,6 @@ units_option = click.option(
 merge_option = click.option(
     "--merge", is_flag=True, help="Merge points doubled along a seam; copies count as cut away."
 )
-
-
-def given_weights(none):
-    """The weights of --individual; an error beside --no-features or a weight that it sets."""
-    known = click.get_current_context().get_parameter_source
-    clash = [name for name in INDIVIDUAL if known(name) is ParameterSource.COMMANDLINE]
-    for name in [*(["no-features"] if none else []), *clash]:
-        raise FeatureError(f"--individual and --{name} exclude each other; drop one")
-    return INDIVIDUAL
 
 
 def given_features(pair, files, none, delta):

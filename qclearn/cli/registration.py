@@ -14,11 +14,11 @@ from ..io.hemisphere import Hemisphere, read_hemisphere
 from ..io.provenance import origin
 from ..io.safe import printable
 from ..registration.curves import curves_of_both, on_disks, read_landmarks
-from ..registration.problem import BY_DISKS, DELTA, ETA, INDIVIDUAL, Weights
+from ..registration.problem import BY_DISKS, DELTA, ETA, Weights
 from ..registration.register import Stages
 from ..registration.register import register as run_registration
 from ..registration.transfer import side_arrays, write_registration
-from .given import given_features, given_weights, merge_option, regions_of, units_option
+from .given import given_features, merge_option, regions_of, units_option
 from .output import fail, output_folder
 from .sphere import FILES as SPHERES
 from .sphere import ControlSphere, sphere_of, write_sphere
@@ -26,7 +26,6 @@ from .sphere import ControlSphere, sphere_of, write_sphere
 # The arrays of a `Registration` that registration.npz holds.
 MAPS = ["points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving", "faces_control"]
 UNCERTAINTY = "uncertainty.shape.gii"
-INDIVIDUAL_OPTIONS = " ".join(f"--{name} {value:g}" for name, value in INDIVIDUAL.items())
 
 accept_suspect_option = click.option(
     "--accept-suspect", is_flag=True, help="Also fit wrong landmarks; exit code 0 if suspect."
@@ -67,7 +66,6 @@ def refuse_sure(context, parameter, value):
 @click.option(
     "--eta", type=float, help=f"Weight of mean (log J)^2  [default: {ETA:g} with features, else 0]"
 )
-@click.option("--individual", is_flag=True, help=f"A person to a template: {INDIVIDUAL_OPTIONS}")
 @click.option(
     "--feature",
     "given",
@@ -126,8 +124,8 @@ def register(
       worse:       a held-out curve or the annotations fit clearly worse than after the best Möbius map
       units:       a surface has the length of a hemisphere in metres or micrometres: give --units
     """
-    no_features, no_landmarks, individual, annot = (
-        options.pop(name) for name in ("no_features", "no_landmarks", "individual", "annot")
+    no_features, no_landmarks, annot = (
+        options.pop(name) for name in ("no_features", "no_landmarks", "annot")
     )
     if no_landmarks and landmarks:
         raise qc.LandmarkError("--landmarks and --no-landmarks exclude each other; drop one")
@@ -138,7 +136,6 @@ def register(
     features = given_features(pair, options.pop("given"), no_features, options["delta"])
     curves = [] if no_landmarks else curves_to_fit(pair, features, landmarks)
     regions = [regions_of(*one) for one in zip(hemispheres, annot)] if annot else None
-    options |= given_weights(no_features) if individual else {}
     register_into(out, pair, curves, features=features, annotations=regions, **options)
 
 

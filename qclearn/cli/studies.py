@@ -59,7 +59,7 @@ def train(network, preset, gamma, out, data, steps, seed, quick, threads):
     "sets",
     multiple=True,
     default=["cohort"],
-    help="cohort, displacement, fsaverage5, heldout, warp or conte69; repeatable.",
+    help="cohort, displacement, fsaverage5, heldout, warp, conte69 or folder:DIR; repeatable.",
 )
 @click.option(
     "--method",
@@ -92,8 +92,9 @@ def benchmark(
     """Run registration methods on the same problems and write all figures to one file.
 
     heldout and warp measure on real cortex: with held-out curves, and with the same folds in another
-    shape. conte69 needs `pip install 'qclearn[conte69]'`, competitors on spheres need
-    `pip install 'qclearn[peers]'`.
+    shape. folder:DIR takes each person of a folder onto each other: open hemispheres of one side,
+    NAME.npz, with curves of the same names. conte69 needs `pip install 'qclearn[conte69]'`,
+    competitors on spheres need `pip install 'qclearn[peers]'`.
 
     COMMAND may name {moving}, {moving_sphere}, {control}, {control_sphere} and {out}: GIFTI surfaces
     and spheres in, the moving sphere on the control's out.
@@ -116,7 +117,7 @@ def benchmark(
         programs=[program_of(text, limit) for text in programs],
     )
     print(f"{'run':38} done  certified  " + "  ".join(FIGURES.values()))
-    for name in sets:
+    for name in results["settings"]["sets"]:
         print(f"{name}:")
         for line in lines_of([row for row in results["rows"] if row["set"] == name]):
             print(line)

@@ -16,14 +16,16 @@ from .values import read_mask
 _FILES = {"pial": "pial", "white": "white", "inflated": "infl", "sphere": "sphere"}
 
 
-def fsaverage5(hemisphere: str = "left", kind: str = "pial") -> Surface:
+def fsaverage5(hemisphere: str = "left", kind: str = "pial", wall: str = "cortex") -> Surface:
     """The open hemisphere "left" or "right" of fsaverage5, in mm, of a kind.
 
-    The medial wall (thickness 0) is cut away on the pial surface; all kinds of a hemisphere share
-    the cut, so their vertices and faces correspond. SurfaceError where nilearn is missing.
+    The medial wall is cut away: "cortex", as FreeSurfer's annotation leaves it out, a tenth of the
+    vertices (fsaverage5_wall.json names the source), so that it matches a person's surface cut by
+    ?h.cortex.label; "thickness", where thickness is 0, a smaller cut. All kinds of a hemisphere
+    share it, so their vertices and faces correspond. SurfaceError where nilearn is missing.
     """
     whole = whole_fsaverage5(hemisphere, kind)
-    vertices, faces = _opening(hemisphere)
+    vertices, faces = _opening(hemisphere, wall)
     return Surface(whole.vertices[vertices], faces, original_vertices=vertices)
 
 
@@ -48,8 +50,8 @@ def named_sulci(hemisphere, original_indices):
         message = f"fsaverage5 has no hemisphere '{hemisphere}'"
         raise SurfaceError(f"{message}; hemispheres are left and right")
     original_indices = np.asarray(original_indices)
-    text = files(__package__).joinpath("fsaverage5_sulci.json").read_text(encoding="utf-8")
-    sulci = {name: entry[hemisphere] for name, entry in json.loads(text)["sulci"].items()}
+    sulci = _record("sulci")["sulci"]
+    sulci = {name: entry[hemisphere] for name, entry in sulci.items()}
     ends = {name: entry["vertices"] for name, entry in sulci.items()}
     return {name: _renumbered(name, pair, original_indices) for name, pair in ends.items()}
 
@@ -77,12 +79,23 @@ def _renumbered(name, vertices, original_indices):
 
 
 @cache
-def _opening(hemisphere):
+def _opening(hemisphere, wall="cortex"):
     """The remaining vertices (V',) of the closed surface and the faces (F', 3) among them."""
     closed = whole_fsaverage5(hemisphere, "pial")
-    medial_wall = read_mask(_folder() / f"thick_{hemisphere}.gii.gz", closed, keep=True)
+    if wall == "cortex":
+        medial_wall = np.isin(np.arange(len(closed.vertices)), _record("wall")[hemisphere])
+    elif wall == "thickness":
+        medial_wall = read_mask(_folder() / f"thick_{hemisphere}.gii.gz", closed, keep=True)
+    else:
+        raise SurfaceError(f"fsaverage5 has no wall '{wall}'; walls are cortex and thickness")
     opened, vertices = open_surface(closed, medial_wall)
     return vertices, opened.faces
+
+
+def _record(name):
+    """fsaverage5_NAME.json, which comes with the package."""
+    path = files(__package__).joinpath(f"fsaverage5_{name}.json")
+    return json.loads(path.read_text(encoding="utf-8"))
 
 
 def _folder():

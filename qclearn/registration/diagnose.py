@@ -13,9 +13,10 @@ from itertools import combinations
 import numpy as np
 
 from ..plane.mobius import nearest_mobius
+from ..surfaces.checks import norms
 from ..surfaces.surface import SurfaceError
 from ..surfaces.units import size_of
-from .features import FOLDS, SCALE, align_by_features, check_features, featured
+from .features import FOLDS, SCALE, align_by_features, check_features, closing_fan, featured
 from .metrics import mean_rows
 
 LIMITS = {
@@ -62,6 +63,9 @@ AGREEING_R = (
 # correlation from which on the map is right wherever a file's axes point, 0.86 to 0.92 and 0.5 to
 # 0.81 there.
 ASTRAY, SURE_R = 16.0, 0.85
+# Ratio of the two gaps' areas, each over its hemisphere's squared length: 1.0 to 1.3 between people
+# cut by one rule, 1.48 to 1.6 between FreeSurfer's cortex label and smaller cuts.
+WALLS = 1.4
 SIDES = ("moving", "control")
 MIRROR = (
     "give --mirror (library: qc.mirror), or leave it out if it was given: one side is a left, the "
@@ -289,6 +293,30 @@ def listed(names):
     """Names in quotes, with commas and a last 'and'."""
     quoted = [repr(name) for name in names]
     return " and ".join(filter(None, [", ".join(quoted[:-1]), quoted[-1]]))
+
+
+def differing_walls(moving, control):
+    """`walls:` where two hemispheres were cut open by different rules. Folds change a surface's area
+    and not its length: the gap's area over the squared length is what compares."""
+    surfaces = moving, control
+    if not all(size_of(surface)[1] for surface in surfaces):
+        return
+    here, there = (relative_gap(surface) for surface in surfaces)
+    if max(here, there) > WALLS * min(here, there):
+        larger, smaller = SIDES if here > there else SIDES[::-1]
+        ratio = max(here, there) / min(here, there)
+        yield (
+            f"walls: the gap at the medial wall is {ratio:.1f} times as large on the {larger} as on "
+            f"the {smaller} side; cut both by one rule (?h.cortex.label), or see whether the map is "
+            "right beside it"
+        )
+
+
+def relative_gap(surface):
+    """Area of the fan that closes a surface's rim over its squared length."""
+    places, fan = closing_fan(surface)
+    a, b, c = (places[corner] for corner in fan.T)
+    return norms(np.cross(b - a, c - a)).sum() / 2 / size_of(surface)[0] ** 2
 
 
 def reasons(moving, rows, fit):

@@ -167,7 +167,7 @@ class Features:
 
     def __init__(self, moving, control, weights=None):
         self.sides = moving.features, control.features
-        self.names, self.areas = moving.features.names, moving.features.areas
+        self.names, self.areas = moving.features.names, moving.shares[0]
         self.disk = control.disk
         weights = np.ones(len(self.names)) if weights is None else np.array(weights)
         self.shares = weights / weights.sum()
@@ -231,6 +231,14 @@ class RotationSearch:
         return r, best.apply(sphere)
 
 
+def closing_fan(surface):
+    """Triangles (R, 3) from each edge of the rim to the mean of its vertices, and the vertices
+    (V + 1, 3), that mean last."""
+    rim, count = surface.boundary, len(surface.vertices)
+    fan = np.stack([np.roll(rim, -1), rim, np.full(len(rim), count)], axis=1)
+    return np.vstack([surface.vertices, surface.vertices[rim].mean(0)]), fan
+
+
 def crude_sphere(surface):
     """The vertices of a surface cut open at one rim on the unit sphere (V, 3), from their places
     alone.
@@ -239,9 +247,8 @@ def crude_sphere(surface):
     centred, with deviation 1 along each axis of space, they are taken to the sphere from its
     centre. Sides that lie in space alike lie alike on their spheres, wherever they were cut.
     """
-    rim, count = surface.boundary, len(surface.vertices)
-    fan = np.stack([np.roll(rim, -1), rim, np.full(len(rim), count)], axis=1)
-    places = np.vstack([surface.vertices, surface.vertices[rim].mean(0)])
+    count = len(surface.vertices)
+    places, fan = closing_fan(surface)
     # A slit's rim may have faces without area in its fan; it needs none.
     slit = len(degenerate_faces(places, fan)) > 0
     closed = surface if slit else Surface(places, np.vstack([surface.faces, fan]))

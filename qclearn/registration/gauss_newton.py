@@ -350,15 +350,14 @@ class Discretization:
         surface's area."""
         moving = self.problem.sides.moving
         S = self.coefficient_mesh.mesh.sampling(moving.disk.z)
-        shares = sparse.diags_array(moving.surface.vertex_areas / moving.surface.area)
-        return (S.T @ shares @ S).tocsc()
+        return (S.T @ sparse.diags_array(moving.shares[0]) @ S).tocsc()
 
     @cached_property
     def shares(self):
         """Sparse (F, G): the G moving faces' shares of their area, in the F faces of the mapped
         mesh that hold them."""
         moving, mapped = self.problem.sides.moving, self.coefficient_mesh.disk
-        shares = moving.surface.face_areas / moving.surface.area
+        shares = moving.shares[1]
         columns = np.arange(len(shares))
         rows = columns if mapped is moving.disk else mapped.locate(moving.disk.centroids)[0]
         shape = len(mapped.faces), len(shares)

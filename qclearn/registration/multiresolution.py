@@ -96,17 +96,17 @@ def with_proxy(level):
     return proxy, level._replace(skip_ratio=SKIP_RATIO)
 
 
-# With features; from fine ones at once the map would run into the next best valley.
+# With features, which lead on polar meshes; from fine ones at once the map would run into the next
+# best valley.
+GUIDES = (guided(16, 32.0, 4), guided(16, 16.0, 4), guided(24, 8.0, 3), guided(32, FINEST, 2))
+# The caller's own mesh, with all its areas, takes the place of the last guide.
 LEVELS = (
-    guided(16, 32.0, 4),
-    guided(16, 16.0, 4),
-    guided(24, 8.0, 3),
-    guided(32, FINEST, 2),
+    *GUIDES[:-1],
+    Level(32, 8.0, 4, True, MIN_DECREASE, STALL_RATIO_ON_GRID),
     Level(32, FINEST, 10, True, MIN_DECREASE, STALL_RATIO),
 )
-# The same above LARGE vertices, where a step on the own mesh costs ten times as much and gains
-# little more.
-LARGE_LEVELS = (*LEVELS[:-1], *with_proxy(LEVELS[-1]))
+# Above LARGE vertices a step on the own mesh costs ten times as much and gains little more.
+LARGE_LEVELS = (*GUIDES, *with_proxy(LEVELS[-1]))
 
 
 def feature_levels(disk):

@@ -10,12 +10,10 @@ from ..plane.disk import Disk
 from ..plane.mobius import best_mobius
 
 # Default weights of features and, beside them, of areas.
-DELTA = 2.0
-ETA = 1.0
+DELTA = 3.0
+ETA = 3.5
 # Default weight of features without areas; in a group, too, as its mean is no surface.
 BY_DISKS = 1.0
-# For one person's brain onto a template: areas change less.
-INDIVIDUAL = {"beta": 3e-3, "delta": 3.0, "eta": 3.5}
 MEETING = 1e-9  # in the unit disk: landmarks closer than this are one point
 
 

@@ -121,8 +121,7 @@ def register(
     RegLoss); delta: of the features' mismatch, the sum of squared differences of standardised maps
     over the area, 2 (1 - r) per map; eta: of the areal term mean (log J)^2, J the map's areal scale
     from surface to surface. With eta = 0 only areas in the disks count, as in the paper. None:
-    DELTA and ETA with features, BY_DISKS where eta is 0; without features 0. For one person's brain
-    onto a template, `**qclearn.registration.INDIVIDUAL` has weights under which areas change less.
+    DELTA and ETA with features, BY_DISKS where eta is 0; without features 0.
 
     features: per-vertex maps that the map matches between the curves. "depth" and "curvature" are
     computed, a pair of arrays (V,) and (W,) is the user's own, and (pair, weight) has a weight

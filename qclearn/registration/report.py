@@ -11,7 +11,7 @@ from ..surfaces.checks import degenerate_faces
 from ..surfaces.surface import SurfaceError
 from ..surfaces.units import size_of
 from .curves import POINTS_PER_CURVE, SIDES, curve_distance, curves_in_space, sample_curve
-from .diagnose import FEWEST, align_by_folds, astray, disagreeing, reasons, worse
+from .diagnose import FEWEST, align_by_folds, astray, differing_walls, disagreeing, reasons, worse
 from .metrics import (
     ERRORS,
     coefficient_statistics,
@@ -112,6 +112,7 @@ def report_of(pair, landmarks, weights, fit, points, regions):
     maps = landmarks.mobius_map, fit.f
     held_out = held_out_distances(pair, landmarks.held, *maps)
     overlap = dice(pair, regions, *maps)
+    messages = [*differing_walls(moving, pair.control.surface), *pair.messages, *landmarks.messages]
     r = {}
     if features:
         before = features.correlation(landmarks.mobius_map).tolist()
@@ -125,7 +126,7 @@ def report_of(pair, landmarks, weights, fit, points, regions):
         "flipped": len(fit.flipped),
         "bijective": fit.bijective,
         "degenerate": len(degenerate_faces(points, moving.faces)),
-        "fallbacks": [*pair.messages, *landmarks.messages, *fit.fallbacks],
+        "fallbacks": [*messages, *fit.fallbacks],
         **asdict(weights),
         "features": dict(zip(features.names, features.shares.tolist())) if features else {},
         "r": r,

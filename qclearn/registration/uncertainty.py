@@ -21,7 +21,7 @@ from .features import FINEST, FOLDS
 from .fit import limited
 from .gauss_newton import MOBIUS_PRIOR, ProductStep
 from .metrics import quantile
-from .multiresolution import LEVELS, Level, MultiresolutionFit, start_field
+from .multiresolution import GUIDES, Level, MultiresolutionFit, start_field
 from .problem import LandmarkError
 
 RINGS = 16  # of the polar mesh of the posterior
@@ -171,7 +171,7 @@ def blurred(smoothing, values):
 
 def stiffer(problem, weights, features):
     """Where a stiffer fit on the polar levels alone takes the vertices, (V,) complex."""
-    levels = [level for level in limited(LEVELS, problem.disk) if not level.own_mesh]
+    levels = limited(GUIDES, problem.disk)
     weights = replace(weights, beta=STIFFER * weights.beta)
     objective, state, _ = MultiresolutionFit(problem).run(levels, weights, None, features)
     return objective.coefficient_mesh.disk.sampling(problem.disk.z) @ state.f

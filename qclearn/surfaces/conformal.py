@@ -14,6 +14,7 @@ from ..plane.disk import Disk
 from ..plane.linear import Dirichlet, corner_angles, edge_lengths
 from ..plane.mobius import centring_mobius, mobius
 from ..plane.solver import FreeBoundary
+from .fingers import find_fingers, finger_message, opened_rows, uniform_matrix
 from .surface import Surface, SurfaceError, require_disk
 
 
@@ -21,31 +22,61 @@ def disk_conformal_map(surface: Surface) -> Complex[ndarray, " V"]:
     """The conformal map of a disk-like surface onto the unit disk, boundary exactly on the circle.
 
     The area centroid goes to 0, the first vertex of `surface.boundary` to 1. The flux form with the
-    cotangent matrix, no iteration. Certified: no triangle is flipped; a RepairWarning counts
-    the boundary steps and rows changed for that. SurfaceError if the surface is not a disk;
-    BijectivityError if the repair fails.
+    cotangent matrix, no iteration. Certified: no triangle is flipped; a RepairWarning tells of
+    boundary steps and rows changed for that, and of blind tubes, `find_fingers`, in which the map
+    is not conformal. SurfaceError if the surface is not a disk.
     """
+    return _conformal_map(surface)[0]
+
+
+def _conformal_map(surface):
+    """`disk_conformal_map` and the vertices (k,) of all fingers."""
     require_disk(surface)
     loop = surface.boundary
     problem = Dirichlet(surface.stiffness, loop)
     corners = surface.vertices[loop]
     rim = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
     free = FreeBoundary(problem, rim, _central_vertex(surface, problem, rim))
-    f, switched = _centre_and_unfold(surface, free.f)
+    share = surface.vertex_areas / surface.area
+    f = mobius(free.f, centring_mobius(free.f, share))
+
+    # The tip of a blind tube is lost in the disk: there, and only there, other weights.
+    matrix, fingers = surface.stiffness, find_fingers(surface, f)
+    if fingers:
+        share[np.concatenate(fingers)] = 0
+        share /= share.sum()
+        matrix = opened_rows(surface, fingers, matrix)
+        f = mobius(f, centring_mobius(f, share))
+        f = Dirichlet(matrix, loop).solve(f[loop])
+    f, switched = _centre_and_unfold(surface, matrix, share, f)
+    f = _turned(f, loop)
+    messages = [finger_message(surface, finger) for finger in fingers]
+    if len(switched) or free.floored.any():
+        messages.append(
+            f"conformal map: {int(free.floored.sum())} boundary steps raised, {len(switched)} rows "
+            "switched to mean-value weights to keep every triangle positive"
+        )
+
+    # The last resort has positive weights everywhere, and a convex boundary.
+    if not Disk(f, surface.faces).certificate.bijective:
+        matrix = uniform_matrix(surface)
+        matrix = opened_rows(surface, fingers, matrix) if fingers else matrix
+        f = _turned(Dirichlet(matrix, loop).solve(f[loop]), loop)
+        messages = ["conformal map: it folded, so Tutte's weights everywhere: not conformal"]
+        if not Disk(f, surface.faces).certificate.bijective:
+            raise BijectivityError(
+                "no map to the disk is free of folds in double precision; remesh the surface (its "
+                "triangles may be degenerate to rounding)"
+            )
+    for message in messages:
+        warnings.warn(message, RepairWarning, stacklevel=3)
+    return f, np.concatenate([np.zeros(0, int), *fingers])
+
+
+def _turned(f, loop):
+    """The map turned so that the first vertex of the boundary lies at 1, all of it on the circle."""
     f = f / f[loop[0]]
     f[loop] /= abs(f[loop])
-    if not Disk(f, surface.faces).certificate.bijective:
-        raise BijectivityError(
-            "the disk conformal map folds and row switching did not mend it; remesh the surface "
-            "(its triangles may be degenerate to rounding)"
-        )
-    if len(switched) or free.floored.any():
-        warnings.warn(
-            f"conformal map: {int(free.floored.sum())} boundary steps raised, {len(switched)} rows "
-            "switched to mean-value weights to keep every triangle positive",
-            RepairWarning,
-            stacklevel=2,
-        )
     return f
 
 
@@ -59,12 +90,11 @@ def _central_vertex(surface, problem, rim):
     return problem.free[abs(f[problem.free] - surface.vertex_areas @ f / surface.area).argmin()]
 
 
-def _centre_and_unfold(surface, f):
-    """The map f with its area centroid at 0 and rows switched until no face is flipped: (f,
-    switched vertices)."""
-    share = surface.vertex_areas / surface.area
-    matrix, lengths = surface.stiffness, surface.edge_lengths
-    picture = Disk(mobius(f, centring_mobius(f, share)), surface.faces)
+def _centre_and_unfold(surface, matrix, share, f):
+    """The Dirichlet solution f of a matrix with its centroid, by each vertex's share, at 0, and
+    rows switched until no face is flipped: (f, switched vertices)."""
+    lengths = surface.edge_lengths
+    picture = Disk(f, surface.faces)
     switched = np.zeros(0, int)
     for _ in range(5):
         picture, switched, problem, _ = repair(matrix, picture, lengths, switched)
@@ -91,7 +121,8 @@ class ParameterizedSurface:
     """A surface on its disk, the `Disk` of its faces with the boundary on the unit circle.
 
     features: its maps at every scale, a `Smoothing`, or None; messages: what was repaired in its
-    map; sphere: what methods on spheres need, a `Sphere`, or None.
+    map; sphere: what methods on spheres need, a `Sphere`, or None; fingers (k,): vertices of blind
+    tubes, where the map is not conformal and nothing is compared.
     """
 
     surface: Surface
@@ -99,12 +130,22 @@ class ParameterizedSurface:
     features: object = None
     messages: tuple = ()
     sphere: object = None
+    fingers: object = ()
 
     @cached_property
     def whole(self) -> bool:
         """Whether the boundary runs around the circle once and no face is flipped."""
         rim = self.disk.z[self.surface.boundary]
         return bool(np.angle(np.roll(rim, -1) / rim).min() > 0 and not len(self.disk.flipped))
+
+    @cached_property
+    def shares(self):
+        """Shares in the area of the vertices (V,) and of the faces (F,), 0 at fingers."""
+        vertices, faces = self.surface.vertex_areas.copy(), self.surface.face_areas.copy()
+        if len(self.fingers):
+            vertices[self.fingers] = 0
+            faces[np.isin(self.surface.faces, self.fingers).any(1)] = 0
+        return vertices / vertices.sum(), faces / faces.sum()
 
     def lift(self, points):
         """Points (P, 3) on the surface whose images in the disk are `points` (P,) complex."""
@@ -115,9 +156,9 @@ def parameterize(surface):
     """The `ParameterizedSurface` of a surface in its disk conformal map."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RepairWarning)
-        z = disk_conformal_map(surface)
+        z, fingers = _conformal_map(surface)
     messages = tuple(str(warning.message) for warning in caught)
-    return ParameterizedSurface(surface, Disk(z, surface.faces), messages=messages)
+    return ParameterizedSurface(surface, Disk(z, surface.faces), messages=messages, fingers=fingers)
 
 
 def apply_mobius(side, parameters):

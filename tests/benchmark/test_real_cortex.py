@@ -8,11 +8,13 @@ import pytest
 
 from meshes import boundary_loop
 from qclearn.benchmark import Run
-from qclearn.benchmark.cortex import conte69_pair, heldout_pair, other_mesh, warp_pair, warped
+from qclearn.benchmark.cortex import HALVES, conte69_pair, heldout_pair, other_mesh, person, warp_pair, warped
+from qclearn.benchmark.measured import BenchmarkError
 from qclearn.benchmark.methods import METHODS
 from qclearn.benchmark.pairs import mapped, prepare, reverse
 from qclearn.benchmark.problems import problems
 from qclearn.benchmark.trial import trial
+from qclearn.io.meshes import write_surface
 from qclearn.plane.grids import polar, polar_disk
 from qclearn.registration import Problem
 from qclearn.registration.problem import LandmarkError
@@ -176,6 +178,21 @@ def test_the_sets_on_real_cortex():
         *(f"{name}, {size} mm" for name in ("fsaverage5", "synthetic") for size in (6, 9, 12)),
     ]
     assert all(spec.seeds == [2001] for spec in specs if "synthetic" in spec.pair)
+
+
+def test_a_folder_of_people_is_each_onto_each_other(tmp_path, sides, once):
+    for name, side in zip("ab", sides):
+        write_surface(tmp_path / f"{name}.npz", side.surface)
+    specs = problems(1, [f"folder:{tmp_path}"])
+    assert [spec.pair for spec in specs] == [f"{way}, {half}" for way in ("a to b", "b to a") for half in HALVES]
+    (make, path), other = specs[0].sides
+    pair = specs[0].make(make(path), person(other[1]), *specs[0].options)
+    assert [curve["name"] for curve in pair.held] == ["spoke 1", "spoke 3"]
+    row = trial(pair, Run("Möbius", "mobius_only"), METHODS["mobius_only"])
+    assert row["held_out_mm"] > 1 and row["there_and_back_mm"] is None
+    (tmp_path / "b.npz").unlink()
+    with pytest.raises(BenchmarkError, match="1 files \\*.npz; give at least two open hemispheres"):
+        problems(1, [f"folder:{tmp_path}"])
 
 
 def test_a_way_back_that_fails_is_told(pair, once):

@@ -6,7 +6,7 @@ import pytest
 import qclearn as qc
 from qclearn.io.fsaverage import fsaverage5, whole_fsaverage5
 from qclearn.registration import diagnose, features
-from qclearn.registration.diagnose import astray, with_folds
+from qclearn.registration.diagnose import astray, differing_walls, with_folds
 from qclearn.registration.features import crude_sphere
 from qclearn.registration.pair import SurfacePair
 from qclearn.surfaces.conformal import parameterize
@@ -60,6 +60,19 @@ def test_two_cuts_of_one_brain_find_each_other(wide):
     off = np.linalg.norm(result.points - wide.vertices, axis=1)
     assert result.report["suspect"] == [] and result.report["bijective"]
     assert np.median(off) < 1.0 and off.mean() < 2.0
+
+
+def test_walls_cut_by_different_rules_are_told(wide):
+    """Whose gap is larger, on the side that has it; not where folds alone make the area larger."""
+    narrow = fsaverage5("left", wall="thickness")
+    (message,) = differing_walls(narrow, LEFT)
+    assert message.startswith("walls: the gap at the medial wall is 1.6 times as large on the control")
+    (message,) = differing_walls(wide, narrow)
+    assert "on the moving as on the control side" in message
+    folded = qc.Surface(fsaverage5("left", "white").vertices, LEFT.faces)
+    assert not list(differing_walls(LEFT, folded)) and not list(differing_walls(LEFT, qc.mirror(fsaverage5("right"))))
+    unit = qc.Surface(narrow.vertices / 50, narrow.faces)  # of no hemisphere's length
+    assert not list(differing_walls(unit, LEFT))
 
 
 def test_a_map_that_lies_elsewhere_is_told():

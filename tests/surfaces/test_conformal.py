@@ -10,10 +10,11 @@ from scipy import sparse
 from meshes import boundary_loop, random_disk, strip
 from qclearn.io.fsaverage import fsaverage5
 from qclearn.plane.beltrami import beltrami_coefficient
-from qclearn.plane.bijectivity import RepairWarning
+from qclearn.plane.bijectivity import RepairWarning, check_embedding
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk
 from qclearn.plane.linear import cotangent_stiffness
+from qclearn.surfaces import conformal
 from qclearn.surfaces.conformal import angle_distortion, disk_conformal_map
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror
 
@@ -237,6 +238,14 @@ def test_stressed_cortex_has_no_flipped_triangle(number):
 def test_repair_is_reported():
     with pytest.warns(RepairWarning, match=r"[1-9]\d* rows switched to mean-value weights"):
         disk_conformal_map(stressed(fsaverage5("left", "pial"), [(with_slivers, 600, 1e-5)], 0))
+
+
+def test_the_last_resort_is_positive_weights_everywhere(monkeypatch):
+    monkeypatch.setattr(conformal, "repair", lambda matrix, picture, lengths, before: (picture, [], None, 0))
+    surface = stressed(fsaverage5("left", "pial"), [(with_slivers, 600, 1e-5)], 0)
+    with pytest.warns(RepairWarning, match="Tutte's weights everywhere: not conformal"):
+        z = disk_conformal_map(surface)
+    assert check_embedding(surface.faces, z).bijective
 
 
 # Bad input.

@@ -168,9 +168,10 @@ def test_pixels_count_where_they_lie(crowded):
     assert row.mean() > 20 and column.mean() == pytest.approx(15.5, abs=0.01)
 
 
+@pytest.mark.parametrize("wall", ["cortex", "thickness"])
 @pytest.mark.parametrize("hemisphere", ["left", "right"])
-def test_equal_area_radius_resolves_real_cortex(hemisphere):
-    surface = fsaverage5(hemisphere)
+def test_equal_area_radius_resolves_real_cortex(hemisphere, wall):
+    surface = fsaverage5(hemisphere, wall=wall)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RepairWarning)  # the map is another test's matter
         z = disk_conformal_map(surface)
@@ -178,7 +179,8 @@ def test_equal_area_radius_resolves_real_cortex(hemisphere):
     assert resolved_share(area_under_pixels(surface, z, radius, 128)) > 0.95
     assert resolved_share(area_under_pixels(surface, z, radius, 256)) > 0.99
     plain = AreaRadius(np.array([0.0, 1.0]), np.array([0.0, 1.0]))
-    assert resolved_share(area_under_pixels(surface, z, plain, 128)) < 0.6
+    if wall == "thickness":  # the narrower the cut, the more is crowded in the middle of the disk
+        assert resolved_share(area_under_pixels(surface, z, plain, 128)) < 0.6
     curvature, depth = mean_curvature(surface), sulcal_depth(surface)
     assert np.corrcoef(curvature, depth)[0, 1] < -0.4 and 0.1 < (depth == 0).mean() < 0.5
 

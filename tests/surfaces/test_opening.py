@@ -263,9 +263,17 @@ def test_what_is_no_disk_after_the_cut_is_refused():
         open_surface(Surface(*grid(8, 8, hole=[(5, 5)])), block((0, 0), (0, 1), (1, 0)))
 
 
-@pytest.mark.parametrize("hemisphere, n_vertices, n_rim", [("left", 9970, 108), ("right", 9933, 110)])
-def test_fsaverage5_opens_to_corresponding_disks(hemisphere, n_vertices, n_rim):
-    kinds = {kind: fsaverage5(hemisphere, kind) for kind in ("pial", "white", "inflated", "sphere")}
+@pytest.mark.parametrize(
+    "hemisphere, wall, n_vertices, n_rim",
+    [
+        ("left", "cortex", 9204, 136),
+        ("right", "cortex", 9221, 137),
+        ("left", "thickness", 9970, 108),
+        ("right", "thickness", 9933, 110),
+    ],
+)
+def test_fsaverage5_opens_to_corresponding_disks(hemisphere, wall, n_vertices, n_rim):
+    kinds = {kind: fsaverage5(hemisphere, kind, wall) for kind in ("pial", "white", "inflated", "sphere")}
     for surface in kinds.values():
         require_disk(surface)
         require_outward(surface)
@@ -282,6 +290,8 @@ def test_fsaverage5_names_what_it_has(monkeypatch):
     for wrong in (("Left", "pial"), ("left", "flat")):
         with pytest.raises(SurfaceError, match="left and right.*pial, white, inflated, sphere"):
             fsaverage5(*wrong)
+    with pytest.raises(SurfaceError, match="no wall 'aparc'; walls are cortex and thickness"):
+        fsaverage5("left", "pial", "aparc")
     monkeypatch.setattr(sys.modules["qclearn.io.fsaverage"], "find_spec", lambda name: None)
     with pytest.raises(SurfaceError, match="pip install nilearn"):
         fsaverage5("left", "white")

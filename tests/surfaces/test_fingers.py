@@ -1,0 +1,103 @@
+"""Blind tubes on a surface: the disk map stays a bijection, and elsewhere what it was."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import qclearn as qc
+from qclearn.plane.bijectivity import BijectivityError
+from qclearn.plane.grids import polar_disk
+from qclearn.surfaces import conformal
+from qclearn.surfaces.conformal import parameterize
+
+LEFT = qc.fsaverage5("left")
+RADIUS = 1.2  # mm
+AT = 500  # a vertex of the convexity
+
+
+def ring_around(surface, vertex):
+    """The neighbours of an inner vertex in their order around it."""
+    faces = surface.faces[(surface.faces == vertex).any(1)]
+    corner = (faces == vertex).argmax(1)
+    rows = np.arange(len(faces))
+    following = dict(zip(faces[rows, (corner + 1) % 3].tolist(), faces[rows, (corner + 2) % 3].tolist()))
+    ring = [next(iter(following))]
+    while following[ring[-1]] != ring[0]:
+        ring.append(following[ring[-1]])
+    return np.array(ring)
+
+
+def with_finger(surface, vertex, radii):
+    """The surface with a blind tube of RADIUS, so many radii long, that ends in the vertex."""
+    ring = ring_around(surface, vertex)
+    centre, count = surface.vertices[ring].mean(0), len(ring)
+    axis = np.cross(surface.vertices[ring], np.roll(surface.vertices[ring], -1, axis=0)).sum(0)
+    axis /= np.linalg.norm(axis)
+    first = surface.vertices[ring[0]] - centre
+    first -= axis * (axis @ first)
+    first /= np.linalg.norm(first)
+    turns = 2 * np.pi * np.arange(count)[:, None] / count
+    circle = RADIUS * (np.cos(turns) * first + np.sin(turns) * np.cross(axis, first))
+    step = RADIUS * 2 * np.pi / count
+    rows = round(radii * RADIUS / step)
+    tube = [centre + circle + axis * step * row for row in range(1, rows + 1)]
+    rings = [ring, *np.arange(len(surface.vertices), len(surface.vertices) + rows * count).reshape(rows, count)]
+    faces = [surface.faces[(surface.faces != vertex).all(1)]]
+    for outer, inner in pairwise(rings):
+        after = np.roll(outer, -1), np.roll(inner, -1)
+        faces += [np.stack([outer, after[0], after[1]], 1), np.stack([outer, after[1], inner], 1)]
+    faces.append(np.stack([inner, np.roll(inner, -1), np.full(count, vertex)], 1))
+    vertices = np.concatenate([surface.vertices, *tube])
+    vertices[vertex] = centre + axis * step * (rows + 0.7)
+    return qc.Surface(vertices, np.concatenate(faces))
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return parameterize(LEFT)
+
+
+@pytest.mark.parametrize("radii", [5, 10, 20, 40])
+def test_a_finger_moves_nothing_else(radii, plain):
+    side = parameterize(with_finger(LEFT, AT, radii))
+    assert side.disk.certificate.bijective
+    others = np.delete(np.arange(len(LEFT.vertices)), AT)
+    assert abs(side.disk.z[others] - plain.disk.z[others]).max() < 1e-3
+    if radii > 5:  # so short a one the disk holds as it is
+        (message,) = side.messages
+        length = float(message.split(", ")[1].split()[0])
+        assert message.startswith("a finger of") and 0.7 * radii * RADIUS < length < radii * RADIUS + 1
+        tip = side.surface.vertices[AT]
+        assert np.linalg.norm(side.surface.vertices[side.fingers].mean(0) - tip) < 0.7 * radii * RADIUS
+        assert AT in side.fingers and not side.shares[0][side.fingers].any()
+
+
+def test_the_map_would_fold_with_the_usual_weights(monkeypatch):
+    monkeypatch.setattr(conformal, "find_fingers", lambda surface, z: [])
+    with pytest.raises(BijectivityError, match="in double precision"):
+        parameterize(with_finger(LEFT, AT, 40))
+
+
+def test_two_fingers_and_one_at_the_rim():
+    by_rim = 103  # two edges from it
+    side = parameterize(with_finger(with_finger(LEFT, AT, 20), by_rim, 30))
+    assert side.disk.certificate.bijective and len(side.messages) == 2
+    assert set(side.fingers) > {AT, by_rim}
+
+
+@pytest.mark.parametrize("radii", [30, 100])
+def test_a_finger_and_little_else(radii):
+    z, faces = polar_disk(4, 12)
+    side = parameterize(with_finger(qc.Surface(np.stack([3 * z.real, 3 * z.imag, 0 * z.real], 1), faces), 0, radii))
+    assert side.disk.certificate.bijective and "a finger" in side.messages[0]
+
+
+def test_the_fit_leaves_a_finger_out():
+    """The other vertices go where they went, and the report says where the finger is."""
+    moving = qc.mirror(qc.fsaverage5("right"))
+    usual, found = (qc.register(side, LEFT, []) for side in (moving, with_finger(moving, AT, 40)))
+    others = np.delete(np.arange(len(moving.vertices)), AT)
+    off = np.linalg.norm(found.points[others] - usual.points[others], axis=1)
+    assert found.report["bijective"] and not found.report["suspect"] and off.mean() < 0.3
+    assert any(message.startswith("moving: a finger of") for message in found.report["fallbacks"])
