@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 from scipy.stats import spearmanr
 from threadpoolctl import threadpool_limits
 
@@ -15,6 +16,7 @@ from ..plane.bijectivity import RepairWarning
 from ..plane.disk import Disk
 from ..plane.grids import polar
 from ..plane.mobius import mobius
+from ..registration.curves import curves_in_space
 from ..registration.register import register
 from . import measures
 from . import reference_metrics as reference
@@ -29,7 +31,7 @@ REPETITIONS = 3
 LONG = 2.0
 NEAR = 10.0  # largest distance from a sulcus along the surface, mm
 ON_CIRCLE = 1e-6
-OF_RADIUS = "coverage", "rank"
+OF_RADIUS = "coverage", "rank", "curve_coverage", "curve_radius_mm", "curve_ratio_90"
 CORRESPONDENCE = ["correspondence_mm", "median_correspondence_mm", "p95_correspondence_mm"]
 CORRESPONDENCE += ["correspondence_sulci_mm"]
 WITHOUT_TRUTH = dict.fromkeys([*CORRESPONDENCE, *reference.TRUE_MAP])
@@ -150,12 +152,16 @@ def way_back(pair, run, method, places):
 def judge_radius(pair, run):
     """How good the 90 % radius is that `register` gives with a run's settings, dict.
 
-    "coverage": share of the moving area with an error within the radius; "rank": Spearman's
-    correlation of radius and error. None where nothing is to judge.
+    By the truth: "coverage", share of the moving area with an error within the radius, and "rank",
+    Spearman's correlation of radius and error. By held-out curves, whose distance from the
+    control's is at most the error: "curve_coverage", share of their vertices within the radius,
+    "curve_radius_mm", its mean there, and "curve_ratio_90", times the radius that would hold nine
+    in ten. None where nothing is to judge.
     """
+    figures = dict.fromkeys(OF_RADIUS)
     given = (run.landmarks, pair.given) == ("given", "given")
-    if not run.uncertainty or pair.truth is None or not given:
-        return dict.fromkeys(OF_RADIUS)
+    if not run.uncertainty or not given or (pair.truth is None and not pair.held):
+        return figures
     moving, control = pair.moving.surface, pair.control.surface
     curves = [] if run.method == "landmark_free" else list(pair.curves)
     settings = {"features": None} if run.method == "gauss_newton" else {}
@@ -165,10 +171,18 @@ def judge_radius(pair, run):
         registration = register(moving, control, curves, uncertainty=True, **settings)
     radius = registration.uncertainty
     if radius is None:  # wrong landmarks, which are not fitted
-        return dict.fromkeys(OF_RADIUS)
-    off = np.linalg.norm(registration.points - pair.truth, axis=1)
-    coverage = np.average(off <= radius, weights=moving.vertex_areas)
-    return {"coverage": float(coverage), "rank": float(spearmanr(radius, off)[0])}
+        return figures
+    if pair.truth is not None:
+        off = np.linalg.norm(registration.points - pair.truth, axis=1)
+        coverage = np.average(off <= radius, weights=moving.vertex_areas)
+        return figures | {"coverage": coverage, "rank": spearmanr(radius, off)[0]}
+    paths = [curve["moving"] for curve in pair.held]
+    lines = [pair.control.disk.z[curve["control"]] for curve in pair.held]
+    targets = map(cKDTree, curves_in_space(pair.control, lines))
+    off = [tree.query(registration.points[path])[0] for path, tree in zip(paths, targets)]
+    off, there = np.concatenate(off), radius[np.concatenate(paths)]
+    values = (off <= there).mean(), there.mean(), np.quantile(off / there, 0.9)
+    return figures | dict(zip(OF_RADIUS[2:], values))
 
 
 def memory(name, reset_peak=False):

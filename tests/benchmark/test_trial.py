@@ -9,11 +9,12 @@ import pytest
 
 from qclearn.benchmark import Run
 from qclearn.benchmark.methods import METHODS
-from qclearn.benchmark.pairs import cohort_pair, displacement_pair, mapped, prepare, twisted
+from qclearn.benchmark.pairs import Pair, cohort_pair, displacement_pair, mapped, prepare, twisted
 from qclearn.benchmark.trial import judge_radius, trial
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.grids import polar, polar_disk
 from qclearn.plane.mobius import mobius
+from qclearn.registration.curves import curves_of_both
 from qclearn.surfaces.surface import Surface
 
 RINGS, SPOKES = 14, 42
@@ -115,7 +116,21 @@ def test_a_radius_is_judged_where_it_is_asked_for_and_the_truth_is_known(pair, m
     found = judge_radius(pair, run)
     assert found["coverage"] == pytest.approx(inside) and 0.5 < found["rank"] < 0.9
     for other, problem in ((replace(run, uncertainty=False), pair), (run, replace(pair, truth=None))):
-        assert judge_radius(problem, other) == {"coverage": None, "rank": None}
+        assert set(judge_radius(problem, other).values()) == {None}
+
+
+def test_a_radius_is_judged_by_held_out_curves_where_no_truth_is_known(monkeypatch):
+    """Two thirds of the vertices lie on the other side's curve, the others 2 mm above it."""
+    side = dome()
+    curves = tuple(curves_of_both(side.surface, side.surface))
+    held = curves[1:2]
+    points, path = side.surface.vertices.copy(), held[0]["moving"]
+    points[path[::3], 2] += 2
+    answer = SimpleNamespace(points=points, uncertainty=np.ones(len(points)))
+    monkeypatch.setattr("qclearn.benchmark.trial.register", lambda *given, **settings: answer)
+    found = judge_radius(Pair(side, side, curves[:1], held=held), Run("folds", "landmark_free", uncertainty=True))
+    assert found["curve_coverage"] == pytest.approx(1 - len(path[::3]) / len(path)) and found["curve_radius_mm"] == 1
+    assert 1 < found["curve_ratio_90"] < 2.1 and found["coverage"] is None
 
 
 def test_a_shifted_map_is_off_by_its_shift(pair):
