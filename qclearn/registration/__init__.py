@@ -5,7 +5,7 @@ import lazy_loader as lazy
 
 TABLE = {
     "curves": ["Curve", "check_curves", "curve_distance", "curves_in_space"],
-    "diagnose": ["diagnose_landmarks"],
+    "diagnose": ["astray", "diagnose_landmarks"],
     "features": ["FINEST", "FOLDS", "Feature", "check_features", "featured"],
     "fit": ["OVERFITS", "exact_map", "fit_problem"],
     "gauss_newton": ["PrimalStep"],
