@@ -62,7 +62,8 @@ def _conformal_map(surface):
         matrix = uniform_matrix(surface)
         matrix = opened_rows(surface, fingers, matrix) if fingers else matrix
         f = _turned(Dirichlet(matrix, loop).solve(f[loop]), loop)
-        messages = ["conformal map: it folded, so Tutte's weights everywhere: not conformal"]
+        messages = messages[: len(fingers)]
+        messages += ["conformal map: it folded, so Tutte's weights everywhere: not conformal"]
         if not Disk(f, surface.faces).certificate.bijective:
             raise BijectivityError(
                 "no map to the disk is free of folds in double precision; remesh the surface (its "

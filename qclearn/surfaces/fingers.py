@@ -5,23 +5,29 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components, dijkstra
 
+from ..plane.linear import Dirichlet
 from .units import size_of
 
 SMALLEST = 1e-6  # edge in the unit disk: of folded cortex the shortest is 2e-5
+SHRUNK = 1e-2  # of its length on the surface, both of area pi: else an edge is short in space
 REACH = 1e-3  # in the unit disk, around the shortest edge: a finger's vertices
-OUTWARD = 10.0  # weight of a neighbour one edge nearer to the root, over one as deep
+OUTWARD = 100.0  # weight of a neighbour straight towards the root, over one as deep
 
 
 def find_fingers(surface, z):
     """The fingers of a surface in its disk map z (V,), arrays of inner vertices, [] if no inner
-    edge is shorter than SMALLEST: around the shortest one the connected piece within REACH, then
-    of what is left. A piece that reaches the boundary is none: a narrow end of the surface."""
+    edge is shorter than SMALLEST and SHRUNK: around the shortest one the connected piece within
+    REACH, then of what is left. A piece that reaches the boundary is none: a narrow end of the
+    surface."""
     inner = np.ones(len(z), bool)
     inner[surface.boundary] = False
     left = np.ones(len(z), bool)
     one, two = surface.edges.T
     length = abs(z[one] - z[two])
     short = (length < SMALLEST) & inner[one] & inner[two]
+    some = np.flatnonzero(short)
+    in_space = np.linalg.norm(surface.vertices[one[some]] - surface.vertices[two[some]], axis=1)
+    short[some] = length[some] < SHRUNK * np.sqrt(np.pi / surface.area) * in_space
     fingers = []
     while short.any():
         tip = one[short][length[short].argmin()]
@@ -49,15 +55,23 @@ def depths(surface, finger):
 
 def opened_rows(surface, fingers, matrix):
     """A matrix (V, V) whose rows at the fingers' vertices are averages of their neighbours, those
-    nearer to the root with more weight. Weights stay positive, as Floater's theorem asks, and each
-    ring of a tube hardly shrinks against the ring before it."""
+    nearer to the root with more weight: OUTWARD ** cos, cos an edge's steepness over that of the
+    steepest edge there. Weights stay positive, as Floater's theorem asks, and each ring of a tube
+    hardly shrinks against the ring before it.
+
+    Nearer is where u, `K u` the areas inside and 0 at the root, is lower: heat flows straight along
+    each tube, also along one that leaves another, where shortest paths to the root all meet.
+    """
     inside = np.zeros(len(surface.vertices), bool)
     inside[np.concatenate(fingers)] = True
-    depth = depths(surface, np.flatnonzero(inside))
+    heat = Dirichlet(surface.stiffness, np.flatnonzero(~inside))
+    u = heat.solve(0.0, np.where(inside, surface.vertex_areas, 0.0)).real
     i, j = np.concatenate([surface.edges, surface.edges[:, ::-1]]).T
     i, j = i[inside[i]], j[inside[i]]
-    step = np.linalg.norm(surface.vertices[i] - surface.vertices[j], axis=1)
-    weights = OUTWARD ** ((depth[i] - depth[j]) / step)
+    slope = (u[i] - u[j]) / np.linalg.norm(surface.vertices[i] - surface.vertices[j], axis=1)
+    steepest = np.zeros(len(u))
+    np.maximum.at(steepest, i, abs(slope))
+    weights = OUTWARD ** (slope / steepest[i])
     averages = sparse.csr_array((weights, (i, j)), shape=matrix.shape)
     averages = sparse.diags_array(averages.sum(1)) - averages
     return sparse.diags_array(1.0 - inside) @ matrix + averages

@@ -8,7 +8,7 @@ import pytest
 import qclearn as qc
 from qclearn.plane.bijectivity import BijectivityError
 from qclearn.plane.grids import polar_disk
-from qclearn.surfaces import conformal
+from qclearn.surfaces import conformal, fingers
 from qclearn.surfaces.conformal import parameterize
 
 LEFT = qc.fsaverage5("left")
@@ -28,8 +28,8 @@ def ring_around(surface, vertex):
     return np.array(ring)
 
 
-def with_finger(surface, vertex, radii):
-    """The surface with a blind tube of RADIUS, so many radii long, that ends in the vertex."""
+def with_finger(surface, vertex, radii, radius=RADIUS):
+    """The surface with a blind tube, so many radii long, that ends in the vertex."""
     ring = ring_around(surface, vertex)
     centre, count = surface.vertices[ring].mean(0), len(ring)
     axis = np.cross(surface.vertices[ring], np.roll(surface.vertices[ring], -1, axis=0)).sum(0)
@@ -38,9 +38,9 @@ def with_finger(surface, vertex, radii):
     first -= axis * (axis @ first)
     first /= np.linalg.norm(first)
     turns = 2 * np.pi * np.arange(count)[:, None] / count
-    circle = RADIUS * (np.cos(turns) * first + np.sin(turns) * np.cross(axis, first))
-    step = RADIUS * 2 * np.pi / count
-    rows = round(radii * RADIUS / step)
+    circle = radius * (np.cos(turns) * first + np.sin(turns) * np.cross(axis, first))
+    step = radius * 2 * np.pi / count
+    rows = round(radii * radius / step)
     tube = [centre + circle + axis * step * row for row in range(1, rows + 1)]
     rings = [ring, *np.arange(len(surface.vertices), len(surface.vertices) + rows * count).reshape(rows, count)]
     faces = [surface.faces[(surface.faces != vertex).all(1)]]
@@ -58,7 +58,7 @@ def plain():
     return parameterize(LEFT)
 
 
-@pytest.mark.parametrize("radii", [5, 10, 20, 40])
+@pytest.mark.parametrize("radii", [5, 10, 20, 40, 200])
 def test_a_finger_moves_nothing_else(radii, plain):
     side = parameterize(with_finger(LEFT, AT, radii))
     assert side.disk.certificate.bijective
@@ -86,7 +86,27 @@ def test_two_fingers_and_one_at_the_rim():
     assert set(side.fingers) > {AT, by_rim}
 
 
-@pytest.mark.parametrize("radii", [30, 100])
+def test_a_finger_on_a_finger():
+    """Shortest paths from the second one to the root meet where it leaves the first."""
+    first = with_finger(LEFT, AT, 30)
+    middle = len(LEFT.vertices) + (len(first.vertices) - len(LEFT.vertices)) // 2
+    side = parameterize(with_finger(first, middle, 100, RADIUS / 2))
+    assert side.disk.certificate.bijective and len(side.messages) == 1
+    assert set(side.fingers) > {AT, middle}
+
+
+def test_a_short_edge_is_no_finger(plain):
+    """Edges that are short in space are short in the disk, and nothing is left out there."""
+    one, two = LEFT.edges[~np.isin(LEFT.edges, LEFT.boundary).any(1)][5000]
+    vertices = LEFT.vertices.copy()
+    vertices[two] = vertices[one] + 1e-5 * (vertices[two] - vertices[one])
+    side = parameterize(qc.Surface(vertices, LEFT.faces))
+    assert abs(side.disk.z[one] - side.disk.z[two]) < fingers.SMALLEST
+    assert side.messages == () and not len(side.fingers)
+    assert abs(side.disk.z - plain.disk.z)[np.arange(len(vertices)) != two].max() < 1e-3
+
+
+@pytest.mark.parametrize("radii", [30, 100, 300])
 def test_a_finger_and_little_else(radii):
     z, faces = polar_disk(4, 12)
     side = parameterize(with_finger(qc.Surface(np.stack([3 * z.real, 3 * z.imag, 0 * z.real], 1), faces), 0, radii))
