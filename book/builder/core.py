@@ -16,21 +16,27 @@ from .references import markdown_of
 
 CORE = ("firstregistration", "quasiconformal", "lbs", "freeboundary", "fit", "live", "baseline", "whennetwork")
 STAR = " ★"
-THUMB, WIDTH = re.compile(r"_assets/thumbs/([\w-]+)\.png"), 480
+# A figure, or one panel of it: fig-name@2-3 is the second of three columns.
+THUMB, WIDTH = re.compile(r"_assets/thumbs/((fig-[\w-]+)(?:@(\d)-(\d))?)\.png"), 480
 
 
 def write_thumbs(executed):
     """Small pictures of the figures that the first page names, from the executed pages in a folder."""
-    wanted, folder = set(THUMB.findall(markdown_of("index"))), executed / "_assets" / "thumbs"
-    folder.mkdir(parents=True, exist_ok=True)
+    folder, shown = executed / "_assets" / "thumbs", {}
     for path in executed.glob("*.ipynb"):
-        for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
-            for output in cell.get("outputs", []):
-                name = output.get("metadata", {}).get("scrapbook", {}).get("name")
-                if name in wanted:
-                    picture = Image.open(io.BytesIO(base64.b64decode(output["data"]["image/png"]))).convert("RGB")
-                    picture.thumbnail((WIDTH, WIDTH))
-                    picture.save(folder / f"{name}.png", optimize=True)
+        cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+        for output in (output for cell in cells for output in cell.get("outputs", [])):
+            if name := output.get("metadata", {}).get("scrapbook", {}).get("name"):
+                shown[name] = output["data"]["image/png"]
+    folder.mkdir(parents=True, exist_ok=True)
+    for file, figure, panel, panels in THUMB.findall(markdown_of("index")):
+        if figure in shown:
+            picture = Image.open(io.BytesIO(base64.b64decode(shown[figure]))).convert("RGB")
+            k, count = int(panel or 1), int(panels or 1)
+            part = picture.width // count
+            picture = picture.crop(((k - 1) * part, 0, k * part, picture.height))
+            picture.thumbnail((WIDTH, WIDTH))
+            picture.save(folder / f"{file}.png", optimize=True)
 
 
 class Minutes(SphinxRole):

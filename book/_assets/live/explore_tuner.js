@@ -63,7 +63,7 @@ const movable = (side, moved) => ({
 });
 
 const views = [
-  { name: "map", label: "deformed grid; registered sulci (orange), targets to drag (red)", ...movable("target", "targets") },
+  { name: "map", label: "orange: registered sulci; red: targets, to drag", ...movable("target", "targets") },
   { name: "trade", label: "landmark error against mean |μ| as γ grows; the dot is here" },
   { name: "mu", label: "distortion |μ| on the moving disk; folds in magenta" },
   { name: "moving", label: "moving disk: landmarks to drag (green)", ...movable("moving", "starts") },
@@ -154,9 +154,10 @@ export default {
     const { points, mean, folds } = shownOf(state, found),
       { target, mm } = found.problem,
       away = toPairs(points).map(([x, y], m) => Math.hypot(x - target[m][0], y - target[m][1]) * (mm ? mm[m] : 100)),
-      off = (away.reduce((sum, one) => sum + one, 0) / away.length).toPrecision(2),
+      rounded = (x) => Number(x.toPrecision(2)),
+      off = rounded(away.reduce((sum, one) => sum + one, 0) / away.length),
       where = mm ? `Sulci ${off} mm off` : `Landmarks ${off} % of the radius off`;
-    return `${where}, distortion ${mean.toPrecision(2)}, ${folds || "no"} fold${folds === 1 ? "" : "s"}.`;
+    return `${where}, distortion ${rounded(mean)}, ${folds || "no"} fold${folds === 1 ? "" : "s"}.`;
   },
   words(state, found) {
     const faces = meshOf(...found.asked.mesh).F,
