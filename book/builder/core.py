@@ -16,7 +16,7 @@ from .references import markdown_of
 
 CORE = ("firstregistration", "quasiconformal", "lbs", "freeboundary", "fit", "live", "baseline", "whennetwork")
 STAR = " ★"
-# A figure, or one panel of it: fig-name@2-3 is the second of three columns.
+# A figure, or the upper panel of a column: fig-name@2-3 is that of the second of three.
 THUMB, WIDTH = re.compile(r"_assets/thumbs/((fig-[\w-]+)(?:@(\d)-(\d))?)\.png"), 480
 
 
@@ -34,7 +34,7 @@ def write_thumbs(executed):
             picture = Image.open(io.BytesIO(base64.b64decode(shown[figure]))).convert("RGB")
             k, count = int(panel or 1), int(panels or 1)
             part = picture.width // count
-            picture = picture.crop(((k - 1) * part, 0, k * part, picture.height))
+            picture = picture.crop(((k - 1) * part, 0, k * part, min(picture.height, round(1.15 * part))))
             picture.thumbnail((WIDTH, WIDTH))
             picture.save(folder / f"{file}.png", optimize=True)
 

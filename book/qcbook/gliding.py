@@ -74,8 +74,9 @@ class Gliding:
 style="width:100%;background:white;border-radius:0.4rem">
 <image width="{width}" height="{height}" href="data:image/jpeg;base64,{self.picture}"/>
 <g fill="none" stroke-width="5" stroke-linejoin="round" style="filter:drop-shadow(0 0 2px black)">{lines}</g></svg>
-<label style="display:flex;gap:0.8em;align-items:center"><span>Möbius map</span>
-<input type="range" min="1" max="{end}" step="0.01" value="{end}" oninput="{SLIDE}" style="flex:1;min-height:2rem">
+<label style="display:flex;gap:0.8em;align-items:center;white-space:nowrap"><span>Möbius map</span>
+<input type="range" min="1" max="{end}" step="0.01" value="{end}" oninput="{SLIDE}"
+style="flex:1;min-width:0;min-height:2rem">
 <span>registered</span></label></figure>"""
 
     @staticmethod

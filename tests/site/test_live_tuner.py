@@ -7,6 +7,7 @@ from urllib.parse import unquote
 import pytest
 from explorables import InJupyterLab, OnTheSite
 from places import SITE
+from view import WIDE
 
 from qcbook.liveproblems import example
 
@@ -39,6 +40,17 @@ class TestOnTheSite(OnTheSite):
             shown.press(canvas, "ArrowUp")
             assert abs(complex(*shown.state()[name]["5"]) - points[5] - 0.01j) < 1e-6
         assert shown.words != words
+
+    @pytest.mark.parametrize("size", [(1280, 800), (390, 844)])
+    def test_picture_sliders_and_sentence_fit_one_screen(self, shown, size):
+        shown.reset()
+        assert shown.said.startswith("Sulci ") and " mm off, distortion " in shown.said and "no folds" in shown.said
+        shown.page.set_viewport_size(dict(zip(("width", "height"), size)))
+        parts = [shown.root.locator("canvas").first, shown.root.get_by_role("status")]
+        boxes = [part.bounding_box() for part in parts + [shown.slider(name) for name in ("alpha", "beta", "gamma")]]
+        top, bottom = min(box["y"] for box in boxes), max(box["y"] + box["height"] for box in boxes)
+        shown.tab.resize(WIDE)
+        assert bottom - top < size[1] - 100  # the site's bar
 
     def test_fifty_quick_moves_end_in_the_state_of_the_last(self, shown):
         shown.reset()

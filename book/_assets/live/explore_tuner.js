@@ -63,7 +63,7 @@ const movable = (side, moved) => ({
 });
 
 const views = [
-  { name: "map", label: "orange: registered sulci; red: targets, to drag", ...movable("target", "targets") },
+  { name: "map", label: "orange: registered; red: targets, to drag", ...movable("target", "targets") },
   { name: "trade", label: "landmark error against mean |μ| as γ grows; the dot is here" },
   { name: "mu", label: "distortion |μ| on the moving disk; folds in magenta" },
   { name: "moving", label: "moving disk: landmarks to drag (green)", ...movable("moving", "starts") },
