@@ -16,6 +16,7 @@ SIZE = 1100, 720
 STEPS = 6  # places of a curve that are computed; between them it glides straight on
 SECONDS = 3
 SLIDE = "const s=this.closest('figure').querySelector('svg');s.pauseAnimations();s.setCurrentTime(this.value)"
+ENDS = f"this.closest('figure').querySelector('input').value={1 + SECONDS}"
 
 
 def pixels(plotter, points):
@@ -73,9 +74,10 @@ class Gliding:
 <svg viewBox="{box}" role="img" aria-label="{html.escape(self.words)}"
 style="width:100%;background:white;border-radius:0.4rem">
 <image width="{width}" height="{height}" href="data:image/jpeg;base64,{self.picture}"/>
+<set attributeName="class" to="glided" begin="1s" dur="{SECONDS}s" onend="{ENDS}"/>
 <g fill="none" stroke-width="5" stroke-linejoin="round" style="filter:drop-shadow(0 0 2px black)">{lines}</g></svg>
 <label style="display:flex;gap:0.8em;align-items:center;white-space:nowrap"><span>Möbius map</span>
-<input type="range" min="1" max="{end}" step="0.01" value="{end}" oninput="{SLIDE}"
+<input type="range" min="1" max="{end}" step="0.01" value="1" oninput="{SLIDE}"
 style="flex:1;min-width:0;min-height:2rem">
 <span>registered</span></label></figure>"""
 

@@ -46,7 +46,7 @@ class TestOnTheSite(OnTheSite):
         shown.reset()
         assert shown.said.startswith("Sulci ") and " mm off, distortion " in shown.said and "no folds" in shown.said
         shown.page.set_viewport_size(dict(zip(("width", "height"), size)))
-        parts = [shown.root.locator("canvas").first, shown.root.get_by_role("status")]
+        parts = [shown.root.locator("canvas").first, shown.root.locator(".qc-live-status")]
         boxes = [part.bounding_box() for part in parts + [shown.slider(name) for name in ("alpha", "beta", "gamma")]]
         top, bottom = min(box["y"] for box in boxes), max(box["y"] + box["height"] for box in boxes)
         shown.tab.resize(WIDE)

@@ -46,7 +46,7 @@ def test_a_link_keeps_its_words(page):
     assert {each.replace("'", "\N{RIGHT SINGLE QUOTATION MARK}") for each in words} - shown == set()
 
 
-@pytest.mark.parametrize("page, onward", zip(core.CORE, (*core.CORE[1:], "index")))
+@pytest.mark.parametrize("page, onward", [*zip(core.CORE, (*core.CORE[1:], "index"))])
 def test_a_core_page_says_where_it_stands_and_leads_on(page, onward):
     text = (SITE / f"{page}.html").read_text(encoding="utf-8")
     strips = re.findall(r'<p class="core-strip">.*?</p>', text, re.DOTALL)
