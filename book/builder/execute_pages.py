@@ -14,7 +14,7 @@ from pathlib import Path
 
 import nbformat
 
-from . import core, costs, expressions, graded, guards, reading, solutions, teaching
+from . import costs, expressions, graded, guards, reading, solutions, teaching
 from .packages import installed_copy
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -48,7 +48,6 @@ def copy_book():
     shutil.copytree(ROOT / "book", SOURCE, ignore=passed_over, dirs_exist_ok=True)
     for path in SOURCE.glob("*.md"):
         path.write_text(teaching.put(path.read_text(encoding="utf-8")), encoding="utf-8")
-    core.write_thumbs(SOURCE)
 
 
 def copy_pages(pages):

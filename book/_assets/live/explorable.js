@@ -4,7 +4,7 @@
 //
 // spec: name, label, initial, controls, views, question, answer(state, host) -> answer or promise of it,
 //       draw(pictures, state, answer), words(state, answer) -> the read-outs, data(state, answer) -> what JSON has;
-//       where there is more to say: sentence(state, answer), beside the first picture with the controls; the read-outs are
+//       where there is more to say: sentence(state, answer), beside the first picture, above the controls; the read-outs are
 //       folded then; rows(answer) of a table, afterwards(state, answer, host), fuller answers one by one,
 //       for which an answer that is `partial` lets the read-outs wait; it is `failed`, and why, where they do not come,
 //       onward {page, name, text, state(state, answer)}: a link to another explorable, with a state for it or null
@@ -48,13 +48,13 @@ export class Explorable {
     return [this.gallery(this.pictures), ...this.controls.elements, this.status, this.table];
   }
 
-  // the first picture, and beside it the controls and a sentence; the others below, and the read-outs folded
+  // the first picture, and beside it a sentence and the controls; the others below, and the read-outs folded
   beside() {
     const [main, ...others] = this.pictures,
       [controls, ...rare] = this.controls.elements;
     this.numbers = make("p", { className: "qc-live-numbers" });
     return [
-      make("div", { className: "qc-live-beside" }, main.element, make("div", {}, controls, this.status)),
+      make("div", { className: "qc-live-beside" }, main.element, make("div", {}, this.status, controls)),
       this.gallery(others),
       make("details", {}, make("summary", { textContent: "Numbers" }), this.numbers, this.table),
       ...rare,
