@@ -31,7 +31,8 @@ export class Explorable {
     }
     root.setAttribute("role", "group");
     root.setAttribute("aria-label", spec.label);
-    this.frame = make("div", { className: "qc-live-frame" }, ...(spec.sentence ? this.beside() : this.below()), this.buttons(), this.guess());
+    const parts = [...(spec.sentence ? this.beside() : this.below()), this.buttons(), this.guess()];
+    this.frame = make("div", { className: "qc-live-frame" }, ...parts);
   }
 
   // Everything replaces what stood there for readers without scripts, but only once there is an answer to show; early:
