@@ -14,7 +14,7 @@ from pathlib import Path
 
 import nbformat
 
-from . import decks, export_live
+from . import core, decks, export_live
 from .execute_pages import ROOT, SOURCE, execute_outdated, notebooks, run
 from .notebooks import for_any_viewer
 from .references import chapters
@@ -24,6 +24,7 @@ SITE = ROOT / "_build"
 
 def sphinx(*builder):
     """Run Sphinx on build/book; without the name of a builder it makes the site."""
+    core.write_thumbs(SOURCE)
     command = [
         Path(sys.executable).with_name("jupyter-book"),
         "build",

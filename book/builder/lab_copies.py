@@ -16,7 +16,7 @@ import nbformat
 from nbformat.sign import NotebookNotary
 
 from .build_book import build_notebooks
-from .execute_pages import BUILD, ROOT, execute_outdated, notebooks
+from .execute_pages import BUILD, ROOT, SOURCE, execute_outdated, notebooks
 from .notebooks import for_any_viewer
 from .references import BOOK
 
@@ -64,8 +64,8 @@ def write_copies(folder, pages):
         record[page] = new
         file.write_text(json.dumps(record, indent=1), encoding="utf-8")
     shutil.copy(BOOK / "paper.toml", folder)
-    not_shown = shutil.ignore_patterns("vendor", "*.js", "*.css")
-    shutil.copytree(BOOK / "_assets", folder / "_assets", dirs_exist_ok=True, ignore=not_shown)
+    not_shown = shutil.ignore_patterns("vendor", "live", "*.js", "*.css")
+    shutil.copytree(SOURCE / "_assets", folder / "_assets", dirs_exist_ok=True, ignore=not_shown)
 
 
 def main():

@@ -24,12 +24,13 @@ MESH = polar(*FINE)
 @dataclass(frozen=True)
 class Example:
     """A named landmark problem on a small disk mesh; radius: spreads a crowded disk in pictures;
-    features: of its surfaces, if it has some."""
+    features: of its surfaces, if it has some; mm: lengths on the control per unit of the disk, at the targets."""
 
     name: str
     problem: Problem
     radius: AreaRadius | None = None
     features: Features | None = None
+    mm: np.ndarray | None = None
 
     @cached_property
     def sliding(self):
@@ -108,7 +109,9 @@ def courses_problem(pair, vertices=None, points=5):
     """`cortex_problem` of `Courses`."""
     surface, z = pair.moving.surface, pair.moving.disk.z
     mesh = MESH if vertices is None else joined(z[spread_vertices(surface, vertices)])
-    return _example(pair.name, mesh, *pair.sample_landmarks(points), area_radius(surface, z), folds_on(mesh, pair))
+    found = _example(pair.name, mesh, *pair.sample_landmarks(points), area_radius(surface, z), folds_on(mesh, pair))
+    faces, _ = pair.control.disk.locate(found.problem.target)
+    return replace(found, mm=np.sqrt(pair.control.surface.face_areas[faces] / pair.control.disk.areas[faces]))
 
 
 CORTICES = ("cortex", "first", "second")

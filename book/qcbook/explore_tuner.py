@@ -44,8 +44,8 @@ class Tuner(Live):
         }
 
     def picture(self, state):
-        """The library's figure of the exact fit, and a description."""
+        """The library's figure of the fit, and a description."""
         given = example(state["problem"])
-        found = {"exact fit": fit_state(given, tuple(state[name] for name in ("alpha", "beta", "gamma")))}
-        words = f"Landmarks, deformed grid, |μ| and its histogram for {given.name}. {describe(found['exact fit'])}"
+        found = {"reference fit": fit_state(given, tuple(state[name] for name in ("alpha", "beta", "gamma")))}
+        words = f"Landmarks, deformed grid, |μ| and its histogram for {given.name}. {describe(found['reference fit'])}"
         return states_figure(given, found), words

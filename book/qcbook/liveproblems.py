@@ -39,7 +39,8 @@ def as_json(example):
     problem, radius = example.problem, example.radius
     knots = None if radius is None else {"disk": radius.disk.tolist(), "image": radius.image.tolist()}
     sides = {"moving": as_pairs(problem.moving), "target": as_pairs(problem.target)}
-    return {"label": example.name, **sides, "curve": problem.curve.tolist(), "radius": knots}
+    mm = None if example.mm is None else example.mm.tolist()
+    return {"label": example.name, **sides, "curve": problem.curve.tolist(), "radius": knots, "mm": mm}
 
 
 def as_moved(problem, state, mesh):

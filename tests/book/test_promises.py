@@ -7,6 +7,8 @@ from pathlib import Path
 import yaml
 from prose import text_of
 
+from book.builder.core import CORE
+
 ROOT = Path(__file__).resolve().parents[2]
 BOOK = ROOT / "book"
 INDEX = text_of(BOOK / "index.ipynb")
@@ -36,9 +38,14 @@ def read_or_quoted():
 
 
 def test_the_preface_names_the_pages_that_read_their_numbers():
-    (promise,) = re.findall(r"\*\*What is computed where\.\*\*(.*?)The part \*Networks\*", INDEX, re.DOTALL)
+    (promise,) = re.findall(r"\} What is computed where\n(.*?)The part \*Networks\*", INDEX, re.DOTALL)
     assert page_links(promise) == read_or_quoted()
-    assert "Five pages" in promise and len(read_or_quoted()) == 5
+    assert "Four pages" in promise and len(read_or_quoted()) == 4
+
+
+def test_the_tiles_are_the_core_path_in_its_order():
+    (tiles,) = re.findall(r"^:::\{container\} tiles$.*?^:::$", INDEX, re.DOTALL | re.MULTILINE)
+    assert tuple(re.findall(r"\]\((\w+)\.ipynb\)", tiles)) == CORE == tuple(re.findall(r"\{minutes\}`(\w+)`", tiles))
 
 
 def test_the_errata_are_numbered():

@@ -55,8 +55,9 @@ class Explorable:
 
     @property
     def words(self):
-        """The read-outs, without the clock's."""
-        return re.sub(r"[\d.]+ ms", "", self.said)
+        """The read-outs, without the clock's; some have a sentence, and their numbers are folded."""
+        numbers = self.root.locator(".qc-live-numbers").all_inner_texts()
+        return re.sub(r"[\d.]+ ms", "", " ".join([self.said, *numbers]))
 
     def number(self, pattern):
         """The number that the read-outs have behind some words."""
@@ -65,7 +66,8 @@ class Explorable:
         return float(found[1].rstrip("."))
 
     def wait_for(self, words):
-        self.root.locator(f"[role=status]:has-text({json.dumps(words)})").wait_for(timeout=60_000)
+        place = f":is([role=status], .qc-live-numbers):has-text({json.dumps(words)})"
+        self.root.locator(place).wait_for(timeout=60_000)
 
     def pictures(self):
         return self.root.locator("canvas").evaluate_all("all => all.map(canvas => canvas.toDataURL())")

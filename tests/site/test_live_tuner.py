@@ -7,6 +7,7 @@ from urllib.parse import unquote
 import pytest
 from explorables import InJupyterLab, OnTheSite
 from places import SITE
+from view import WIDE
 
 from qcbook.liveproblems import example
 
@@ -18,7 +19,7 @@ MANY = """e => { for (let k = 0; k < 50; k++) {
     e.dispatchEvent(new Event(k < 49 ? 'input' : 'change'));
 } }"""
 HEAR = """() => addEventListener('qc-live-answer', event => {
-    window.heard = event.target.querySelector('[role=status]').textContent;
+    window.heard = event.target.querySelector('.qc-live-numbers').textContent;
 }, {once: true})"""
 ONE = "(e, value) => { e.value = value; e.dispatchEvent(new Event('change')); }"
 
@@ -30,9 +31,8 @@ class TestOnTheSite(OnTheSite):
         shown.reset()
         shown.choose("problem", "twist")
         problem, words = example("twist").problem, shown.words
-        for canvas, name, points in zip(
-            shown.root.locator("canvas").all(), ("starts", "targets"), (problem.moving, problem.target)
-        ):
+        map_, *_, moving = shown.root.locator("canvas").all()
+        for canvas, name, points in ((map_, "targets", problem.target), (moving, "starts", problem.moving)):
             shown.drag_with_the_mouse(canvas, (points[4].real, points[4].imag), (points[4].real + 0.1, points[4].imag))
             ((place, moved),) = shown.state()[name].items()
             assert place == "4" and abs(complex(*moved) - points[4] - 0.1) < 0.02
@@ -40,6 +40,18 @@ class TestOnTheSite(OnTheSite):
             shown.press(canvas, "ArrowUp")
             assert abs(complex(*shown.state()[name]["5"]) - points[5] - 0.01j) < 1e-6
         assert shown.words != words
+
+    @pytest.mark.parametrize("size", [(1280, 800), (390, 844)])
+    def test_picture_sliders_and_sentence_are_on_the_first_screen(self, shown, size):
+        shown.reset()
+        assert shown.said.startswith("Sulci ") and " mm off, distortion " in shown.said and "no folds" in shown.said
+        shown.page.set_viewport_size(dict(zip(("width", "height"), size)))
+        parts = [shown.root.locator("canvas").first, shown.root.locator(".qc-live-status")]
+        parts += [shown.slider(name) for name in ("alpha", "beta", "gamma")]
+        shown.page.evaluate("scrollTo(0, 0)")
+        lowest = max(box["y"] + box["height"] for box in (part.bounding_box() for part in parts))
+        shown.tab.resize(WIDE)
+        assert lowest <= size[1]
 
     def test_fifty_quick_moves_end_in_the_state_of_the_last(self, shown):
         shown.reset()
@@ -56,7 +68,7 @@ class TestOnTheSite(OnTheSite):
         shown.page.evaluate(HEAR)
         shown.press(shown.slider("gamma"), "ArrowRight")
         first = shown.page.evaluate("window.heard")
-        assert "exact fit: landmark error" in first and "CP-Net: still computing" in first
+        assert "reference fit: landmark error" in first and "CP-Net: still computing" in first
         assert "CP-Net: landmark error" in shown.words
 
     def test_it_leads_to_the_surface_where_there_is_one(self, shown):
@@ -77,9 +89,9 @@ class TestOnTheSite(OnTheSite):
         if missing:
             page.route(ASSETS + missing, lambda route: route.abort())
         page.goto(f"{site_address}{self.page}" + (f"#live-tuner={json.dumps(state)}" if state else ""))
-        words = page.locator(f"{ROOT} [role=status]:has-text('{says}')")
-        words.wait_for(timeout=60_000)
-        found = words.inner_text(), page.locator(ROOT).locator("img, canvas").count()
+        words = page.locator(f"{ROOT} :is([role=status], .qc-live-numbers):has-text('{says}')")
+        words.wait_for(state="attached", timeout=60_000)
+        found = words.text_content(), page.locator(ROOT).locator("img, canvas").count()
         page.close()
         return found
 
@@ -97,7 +109,7 @@ class TestOnTheSite(OnTheSite):
 
     def test_without_its_weights_the_network_is_missing_and_the_fit_stays(self, window, site_address):
         words, _ = self.said(window, site_address, "CP-Net: no map", missing="cpnet.bin")
-        assert "exact fit: landmark error" in words
+        assert "reference fit: landmark error" in words
 
     def test_the_file_that_is_missing_is_named(self, window, site_address):
         words, _ = self.said(window, site_address, "CP-Net: no map", missing="layers.wasm")
@@ -108,10 +120,11 @@ class TestOnTheSite(OnTheSite):
         planted = planted.replace("const harmonic = springs(mesh, request);", "throw new Error('a planted fault');")
         page.route(ASSETS + "solvers.js", lambda route: route.fulfill(body=planted, content_type="text/javascript"))
         page.goto(site_address + self.page)
-        status = page.locator(f"{ROOT} [role=status]:has-text('harmonic map: no map, a planted fault')")
-        status.wait_for(timeout=60_000)
-        assert "exact fit: landmark error" in status.inner_text() and "still computing" not in status.inner_text()
-        assert status.get_attribute("aria-busy") == "false"
+        numbers = page.locator(f"{ROOT} .qc-live-numbers:has-text('harmonic map: no map, a planted fault')")
+        numbers.wait_for(state="attached", timeout=60_000)
+        said = numbers.text_content()
+        assert "reference fit: landmark error" in said and "still computing" not in said
+        assert page.locator(f"{ROOT} [role=status]").get_attribute("aria-busy") == "false"
         page.close()
 
     @pytest.mark.parametrize("name", ["problems.json", "worker.js", "kernels.wasm", "explore_tuner.js"])
@@ -132,6 +145,6 @@ class TestInJupyterLab(InJupyterLab):
         shown.reset()
         shown.choose("problem", "twist")
         point = example("twist").problem.target[4]
-        canvas = shown.root.locator("canvas").nth(1)
+        canvas = shown.root.locator("canvas").first
         shown.drag(canvas, (point.real, point.imag), (point.real + 0.05, point.imag), (point.real + 0.1, point.imag))
         shown.tab.until(f"abs(complex(*tuner.state['targets'].get('4', (9, 9))) - {point + 0.1}) < 1e-3")

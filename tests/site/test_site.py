@@ -1,13 +1,17 @@
 """The files of the built site: complete, and numbered as the copies are. `make book` builds it
 first."""
 
+import html
+import re
+
 import pytest
 from places import ROOT, SITE
 
-from book.builder import costs, references
+from book.builder import core, costs, references
 from book.builder.execute_pages import SOURCE
 
 MOST_GB = 1.5  # of a page's run
+LINK = re.compile(r"(?<!!)\[([^\[\]$`{]+)\]\([#\w.-]+\)")
 
 
 def test_every_page_of_the_contents_is_built():
@@ -27,9 +31,27 @@ def test_no_page_takes_more_memory_than_a_student_has():
     assert {page: cost["gb"] for page, cost in found.items() if cost["gb"] > MOST_GB} == {}
 
 
-@pytest.mark.parametrize("page", ["fourier", "live"])
-def test_there_are_widgets(page):
-    assert "application/vnd.jupyter.widget-view+json" in (SITE / f"{page}.html").read_text(encoding="utf-8")
+def test_there_are_widgets():
+    assert "application/vnd.jupyter.widget-view+json" in (SITE / "fourier.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("page", references.chapters())
+def test_a_link_keeps_its_words(page):
+    """Sphinx would put the number of an equation in their place, and sentences would lose words."""
+    article = (SITE / f"{page}.html").read_text(encoding="utf-8").split("<article", 1)[1]
+    links = re.findall(r"<a [^>]*>(.*?)</a>", article, re.DOTALL)
+    shown = {" ".join(html.unescape(re.sub("<[^>]*>", "", link)).split()) for link in links}
+    asked = LINK.findall(references.CODE.sub("", references.markdown_of(page)))
+    words = (" ".join(re.sub("[*_]", "", each).split()) for each in asked)
+    assert {each.replace("'", "\N{RIGHT SINGLE QUOTATION MARK}") for each in words} - shown == set()
+
+
+@pytest.mark.parametrize("page, onward", [*zip(core.CORE, (*core.CORE[1:], "index"))])
+def test_a_core_page_says_where_it_stands_and_leads_on(page, onward):
+    text = (SITE / f"{page}.html").read_text(encoding="utf-8")
+    strips = re.findall(r'<p class="core-strip">.*?</p>', text, re.DOTALL)
+    assert len(strips) == 2 and all(f'href="{onward}.html"' in strip for strip in strips)
+    assert re.search(rf'href="{onward}.html">[^<]*\N{{BLACK STAR}}', text) or onward == "index"
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "book").glob("*.ipynb")), ids=lambda path: path.stem)

@@ -4,7 +4,8 @@
 //
 // spec: name, label, initial, controls, views, question, answer(state, host) -> answer or promise of it,
 //       draw(pictures, state, answer), words(state, answer) -> the read-outs, data(state, answer) -> what JSON has;
-//       where there is more to say: rows(answer) of a table, afterwards(state, answer, host), fuller answers one by one,
+//       where there is more to say: sentence(state, answer), beside the first picture, above the controls; the read-outs are
+//       folded then; rows(answer) of a table, afterwards(state, answer, host), fuller answers one by one,
 //       for which an answer that is `partial` lets the read-outs wait; it is `failed`, and why, where they do not come,
 //       onward {page, name, text, state(state, answer)}: a link to another explorable, with a state for it or null
 // host: start (part of a state), save(state), tell(answer), file(name), worker(), ask(state) (the kernel) and
@@ -30,7 +31,7 @@ export class Explorable {
     }
     root.setAttribute("role", "group");
     root.setAttribute("aria-label", spec.label);
-    const parts = [this.gallery(), ...this.controls.elements, this.status, this.table, this.buttons(), this.guess()];
+    const parts = [...(spec.sentence ? this.beside() : this.below()), this.buttons(), this.guess()];
     this.frame = make("div", { className: "qc-live-frame" }, ...parts);
   }
 
@@ -43,8 +44,26 @@ export class Explorable {
     return this;
   }
 
-  gallery() {
-    return make("div", { className: "qc-live-pictures" }, ...this.pictures.map((picture) => picture.element));
+  below() {
+    this.numbers = this.status;
+    return [this.gallery(this.pictures), ...this.controls.elements, this.status, this.table];
+  }
+
+  // the first picture, and beside it a sentence and the controls; the others below, and the read-outs folded
+  beside() {
+    const [main, ...others] = this.pictures,
+      [controls, ...rare] = this.controls.elements;
+    this.numbers = make("p", { className: "qc-live-numbers" });
+    return [
+      make("div", { className: "qc-live-beside" }, main.element, make("div", {}, this.status, controls)),
+      this.gallery(others),
+      make("details", {}, make("summary", { textContent: "Numbers" }), this.numbers, this.table),
+      ...rare,
+    ];
+  }
+
+  gallery(pictures) {
+    return make("div", { className: "qc-live-pictures" }, ...pictures.map((picture) => picture.element));
   }
 
   // part of a state, from a control, a drag, Python or undo; settled: the end of a movement
@@ -101,7 +120,8 @@ export class Explorable {
   // the read-outs; those who hear them are told once they are whole
   report(state, answer) {
     this.status.ariaBusy = String(Boolean(answer.partial));
-    this.say(this.spec.words(state, answer));
+    this.numbers.textContent = this.spec.words(state, answer);
+    if (this.spec.sentence) this.say(this.spec.sentence(state, answer));
     if (this.spec.rows) this.table.replaceChildren(...tableRows(this.spec.rows(answer)));
     this.pictures.forEach((picture) => picture.describe(this.status.textContent));
   }

@@ -1,19 +1,19 @@
-// The registration tuner: weights, landmarks and targets in the reader's hand, the exact fit at once.
+// The registration tuner: weights, landmarks and targets in the reader's hand, the fit at once.
 import { ask, give } from "./ask.js";
 import { apart, fromPairs, interleaved, toPairs } from "./complex.js";
 import { INITIAL } from "./given.js";
 import { meshOf } from "./mesh.js";
 import { COLOURS, inDisk } from "./picture.js";
-import { curvePicture, grid, heat, histogram } from "./plots.js";
+import { curvePicture, grid, heat } from "./plots.js";
 import { CORTICES, kindOfLandmarks, loadProblems, moves, problemOf, requestOf, weights } from "./problems.js";
 import { fromPicture, toPicture } from "./radius.js";
 import { gap, short } from "./words.js";
 
-const SOLVERS = { exact: "exact fit", network: "CP-Net", harmonic: "harmonic map" };
+const SOLVERS = { exact: "reference fit", network: "CP-Net", harmonic: "harmonic map" };
 let network = null, // the promise of CP-Net's megabyte: it comes after the first answer, which need not wait for it
   absent = ""; // why it has not come
 
-// The exact fit first, others after it, unless one of them is to be drawn.
+// The reference fit first, others after it, unless one of them is to be drawn.
 async function answer(state, host) {
   await loadProblems(host);
   const partial = state.solver === "exact",
@@ -52,6 +52,7 @@ function sentence(name, one, faces) {
 }
 
 const isThere = (one) => one && !one.missing;
+const shownOf = (state, found) => (isThere(found[state.solver]) ? found[state.solver] : found.exact);
 
 // points of one side of the problem that the reader moves, and what becomes of the state
 const movable = (side, moved) => ({
@@ -62,19 +63,14 @@ const movable = (side, moved) => ({
 });
 
 const views = [
+  { name: "map", label: "orange: registered; red: targets, to drag", ...movable("target", "targets") },
+  { name: "trade", label: "landmark error against mean |μ| as γ grows; the dot is here" },
+  { name: "mu", label: "distortion |μ| on the moving disk; folds in magenta" },
   { name: "moving", label: "moving disk: landmarks to drag (green)", ...movable("moving", "starts") },
-  {
-    name: "control",
-    label: "deformed grid; targets to drag (red), registered (orange)",
-    ...movable("target", "targets"),
-  },
-  { name: "mu", label: "|μ| on the moving disk; folds in magenta" },
-  { name: "histogram", label: "triangles by |μ|" },
-  { name: "trade", label: "landmark error against mean |μ| as γ grows" },
 ];
 
-function draw([moving, control, mu, bars, trade], state, found) {
-  const shown = isThere(found[state.solver]) ? found[state.solver] : found.exact,
+function draw([map, trade, mu, moving], state, found) {
+  const shown = shownOf(state, found),
     { problem } = found,
     mesh = meshOf(...found.asked.mesh),
     to = toPicture(problem.radius);
@@ -87,18 +83,18 @@ function draw([moving, control, mu, bars, trade], state, found) {
   moving.lines(curves(start), COLOURS.moving, 1);
   start.forEach((point) => moving.dot(point, COLOURS.moving, 3));
   moving.mark();
-  control.disk();
-  grid(control, mesh, shown.w, { to, from: fromPicture(problem.radius) });
-  control.lines(curves(target), COLOURS.target, 1, [4, 3]);
-  target.forEach((point) => control.square(point, COLOURS.target, 3.5, 1.2));
-  registered.forEach((point) => control.dot(point, COLOURS.registered, 2));
-  control.mark();
+  map.disk();
+  grid(map, mesh, shown.w, { to, from: fromPicture(problem.radius) });
+  map.lines(curves(target), COLOURS.target, 1.6, [4, 3]);
+  target.forEach((point) => map.square(point, COLOURS.target, 3.5, 1.6));
+  map.lines(curves(registered), COLOURS.registered, 1.6);
+  registered.forEach((point) => map.dot(point, COLOURS.registered, 2.5));
+  map.mark();
   heat(mu, mesh, shown.size, fromPicture(problem.radius));
-  histogram(bars, shown.size);
   curvePicture(trade, found.sweep ?? [], found.exact);
 }
 
-// each term of the loss, and in brackets how many times the exact fit's it is
+// each term of the loss, and in brackets how many times the reference fit's it is
 const rows = (found) => [
   ["", ...Object.values(SOLVERS)],
   ...["L_mu", "L_grad_mu", "L_Landmark", "L_CP"].map((term) => [
@@ -116,6 +112,7 @@ export default {
   label: "Tuning alpha, beta and gamma",
   initial: INITIAL.tuner,
   controls: [
+    ...weights.toReversed(),
     {
       kind: "choice",
       name: "problem",
@@ -129,14 +126,13 @@ export default {
       ],
     },
     kindOfLandmarks,
-    ...weights,
     { kind: "log", name: "lambda", rare: true, label: "λ (lambda), springs of the harmonic map", min: -1, max: 5, step: 0.1 },
-    { kind: "choice", name: "solver", label: "map shown", options: Object.entries(SOLVERS) },
+    { kind: "choice", name: "solver", rare: true, label: "map shown", options: Object.entries(SOLVERS) },
     {
       kind: "choice",
       name: "looks",
       rare: true,
-      label: "looks of CP-Net at the exact map",
+      label: "refining steps of CP-Net",
       options: ["0", "1", "2"].map((count) => [count, count]),
     },
     {
@@ -154,20 +150,29 @@ export default {
   answer,
   afterwards,
   draw,
+  sentence(state, found) {
+    const { points, mean, folds } = shownOf(state, found),
+      { target, mm } = found.problem,
+      away = toPairs(points).map(([x, y], m) => Math.hypot(x - target[m][0], y - target[m][1]) * (mm ? mm[m] : 100)),
+      rounded = (x) => Number(x.toPrecision(2)),
+      off = rounded(away.reduce((sum, one) => sum + one, 0) / away.length),
+      where = mm ? `Sulci ${off} mm off` : `Landmarks ${off} % of the radius off`;
+    return `${where}, distortion ${rounded(mean)}, ${folds || "no"} fold${folds === 1 ? "" : "s"}.`;
+  },
   words(state, found) {
     const faces = meshOf(...found.asked.mesh).F,
       lost = found.failed && { missing: found.failed },
       sentences = Object.entries(SOLVERS).map(([key, name]) => sentence(name, found[key] ?? lost, faces));
     const others = Object.keys(SOLVERS).filter((key) => key !== "exact" && isThere(found[key]));
     const gaps = others.map(
-      (key) => `L_CP of ${SOLVERS[key]} is ${short(found[key].L_CP / found.exact.L_CP)} times that of the exact fit`,
+      (key) => `L_CP of ${SOLVERS[key]} is ${short(found[key].L_CP / found.exact.L_CP)} times that of the reference fit`,
     );
-    const where = `Exact on this mesh of ${found.asked.mesh.join(" x ")}`;
+    const where = `The mesh is ${found.asked.mesh.join(" x ")}`;
     return `${[...sentences, ...gaps, where].join(". ")}.`;
   },
   rows,
   data(state, found) {
-    const { w, points, size, ...numbers } = isThere(found[state.solver]) ? found[state.solver] : found.exact;
+    const { w, points, size, ...numbers } = shownOf(state, found);
     return { map: interleaved(w), landmarks: toPairs(points), ...numbers };
   },
   compare: (found, kernel) => {

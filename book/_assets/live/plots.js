@@ -1,4 +1,4 @@
-// Pictures of a map: the deformed grid, |mu| as colours and as a histogram, and a curve on axes.
+// Pictures of a map: the deformed grid, |mu| as colours, and a curve on axes.
 import { toPairs } from "./complex.js";
 import { sample } from "./mesh.js";
 import { COLOURS } from "./picture.js";
@@ -6,8 +6,7 @@ import { COLOURS } from "./picture.js";
 const SIZE = 320,
   MARGIN = 10,
   LINES = 15,
-  POINTS = 61,
-  BINS = 40;
+  POINTS = 61;
 const places = new WeakMap(); // mesh -> {key, places} of the grid's points: looked for once a problem
 
 // a square grid, in the coordinates of the picture
@@ -86,26 +85,6 @@ export function heat(picture, mesh, size, from = same) {
   }
   picture.words("0", 8, SIZE - 18);
   picture.words("1", 68, SIZE - 18, "right");
-}
-
-export function histogram(picture, size) {
-  const counts = new Float64Array(BINS),
-    { pen } = picture,
-    left = 14,
-    width = SIZE - 28,
-    floor = SIZE - 40;
-  for (const value of size) counts[Math.min(BINS - 1, Math.floor(BINS * value))]++;
-  const top = Math.max(...counts);
-  picture.clear();
-  pen.fillStyle = COLOURS.grid;
-  counts.forEach((count, k) => {
-    const height = (count / top) * (floor - 20);
-    pen.fillRect(left + (k * width) / BINS, floor - height, width / BINS - 1, height);
-  });
-  pen.fillStyle = COLOURS.ink;
-  pen.fillRect(left, floor, width, 1);
-  for (const tick of [0, 0.25, 0.5, 0.75, 1]) picture.words(String(tick), left + tick * width, floor + 17, "center");
-  picture.words("|μ|", left + width / 2, floor + 34, "center");
 }
 
 // Curves on axes. x, y: [low, high]; ticks: {x, y}, of [place, words]; curves: {points: [[x, y], ...], colour, dash, dot}

@@ -27,9 +27,9 @@ export function requestOf(state) {
 // what sliders and pickers of all explorables with a landmark problem say
 export const moves = { starts: {}, targets: {} }; // what was moved belongs to the problem it was moved in
 export const weights = [
-  { kind: "log", name: "alpha", label: "α (alpha), weight of |μ|²", min: -2, max: 2, step: 0.1 },
-  { kind: "log", name: "beta", label: "β (beta), weight of |∇μ|²", min: -4, max: 1, step: 0.1 },
-  { kind: "log", name: "gamma", label: "γ (gamma), weight of the landmarks", min: 0, max: 7, step: 0.1 },
+  { kind: "log", name: "alpha", label: "α (alpha), small |μ|", min: -2, max: 2, step: 0.1 },
+  { kind: "log", name: "beta", label: "β (beta), even |μ|", min: -4, max: 1, step: 0.1 },
+  { kind: "log", name: "gamma", label: "γ (gamma), matching", min: 0, max: 7, step: 0.1 },
 ];
 export const kindOfLandmarks = {
   kind: "choice",

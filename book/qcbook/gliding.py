@@ -1,0 +1,91 @@
+"""Curves on a surface that glide from the best Möbius map to the registration as a slider moves;
+before it is moved, and without a script, they glide there once."""
+
+import base64
+import html
+import io
+
+import numpy as np
+from PIL import Image
+
+from qclearn.plane import Disk
+from qclearn.plot import map_curves
+from qclearn.scenes import require_renderer, surface_scene
+
+SIZE = 1100, 720
+STEPS = 6  # places of a curve that are computed; between them it glides straight on
+SECONDS = 3
+SLIDE = "const s=this.closest('figure').querySelector('svg');s.pauseAnimations();s.setCurrentTime(this.value)"
+ENDS = f"this.closest('figure').querySelector('input').value={1 + SECONDS}"
+
+
+def pixels(plotter, points):
+    """Where points in space are on the picture: a list of (x, y), from its top left corner."""
+    renderer, found = plotter.renderer, []
+    for point in points:
+        renderer.SetWorldPoint(*point, 1.0)
+        renderer.WorldToDisplay()
+        x, y, _ = renderer.GetDisplayPoint()
+        found.append((x, SIZE[1] - y))
+    return found
+
+
+class Gliding:
+    """A picture of a `Registration` on `shape`, a surface with the control's faces, and a slider.
+
+    groups: (colour, moving curves in the disk or None for those that stay, curves of the control);
+    words: what is to be seen. `more` goes to `surface_scene`.
+    """
+
+    def __init__(self, registration, shape, groups, words, **more):
+        require_renderer()
+        self.words, r = words, registration
+        self.disk, self.shape = Disk(r.disk_control, shape.faces), shape
+        plotter = surface_scene(shape, **more)
+        plotter.off_screen, plotter.window_size = True, SIZE
+        plotter.camera.zoom(1.6)
+        buffer = io.BytesIO()
+        Image.fromarray(plotter.screenshot(return_img=True)).save(buffer, "JPEG", quality=88)
+        self.picture = base64.b64encode(buffer.getvalue()).decode()
+        outline = np.array(pixels(plotter, shape.vertices))
+        self.box = [*(outline.min(0) - 10).round(), *(np.ptp(outline, axis=0) + 20).round()]
+        self.lines = []
+        for colour, curves, moves in groups:
+            ends = map_curves(Disk(r.disk_moving, r.faces_moving), r.disk_map, curves) if moves else curves
+            for start, end in zip(curves, ends):
+                places = [start + t * (end - start) for t in np.linspace(0, 1, STEPS if moves else 1)]
+                self.lines.append((colour, self.seen(plotter, places)))
+        plotter.close()
+
+    def seen(self, plotter, places):
+        """Places (steps, k) in the disk as "x,y x,y ..." of the picture; points on its far side are left
+        out at all steps."""
+        at = [self.disk.locate(curve) for curve in places]
+        points = np.array([self.disk.interpolate(self.shape.vertices, one) for one in at])
+        normals = np.array([self.disk.interpolate(plotter.meshes[0]["Normals"], one) for one in at])
+        towards = np.array(plotter.camera.position) - points
+        shown = ((normals * towards).sum(-1) > 0).all(0)
+        return [" ".join(f"{x:.1f},{y:.1f}" for x, y in pixels(plotter, curve[shown])) for curve in points]
+
+    def _repr_html_(self):
+        lines = "".join(map(self.line, self.lines))
+        box, (width, height), end = " ".join(f"{x:g}" for x in self.box), SIZE, 1 + SECONDS
+        return f"""<figure class="gliding" style="margin:0;max-width:36rem">
+<svg viewBox="{box}" role="img" aria-label="{html.escape(self.words)}"
+style="width:100%;background:white;border-radius:0.4rem">
+<image width="{width}" height="{height}" href="data:image/jpeg;base64,{self.picture}"/>
+<set attributeName="class" to="glided" begin="1s" dur="{SECONDS}s" onend="{ENDS}"/>
+<g fill="none" stroke-width="5" stroke-linejoin="round" style="filter:drop-shadow(0 0 2px black)">{lines}</g></svg>
+<label style="display:flex;gap:0.8em;align-items:center;white-space:nowrap"><span>Möbius map</span>
+<input type="range" min="1" max="{end}" step="0.01" value="1" oninput="{SLIDE}"
+style="flex:1;min-width:0;min-height:2rem">
+<span>registered</span></label></figure>"""
+
+    @staticmethod
+    def line(line):
+        colour, places = line
+        if not places[0]:
+            return ""
+        glide = f'begin="1s" dur="{SECONDS}s" fill="freeze" values="{";".join(places)}"' if len(places) > 1 else ""
+        inside = glide and f'<animate attributeName="points" {glide}/>'
+        return f'<polyline stroke="{colour}" points="{places[0]}">{inside}</polyline>'
