@@ -65,7 +65,9 @@ def write_copies(folder, pages):
         file.write_text(json.dumps(record, indent=1), encoding="utf-8")
     shutil.copy(BOOK / "paper.toml", folder)
     not_shown = shutil.ignore_patterns("vendor", "live", "*.js", "*.css")
-    shutil.copytree(SOURCE / "_assets", folder / "_assets", dirs_exist_ok=True, ignore=not_shown)
+    built = SOURCE / "_assets"  # has the thumbnails, too
+    assets = built if built.is_dir() else BOOK / "_assets"
+    shutil.copytree(assets, folder / "_assets", dirs_exist_ok=True, ignore=not_shown)
 
 
 def main():

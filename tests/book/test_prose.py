@@ -24,12 +24,6 @@ def test_numbers_in_the_text_are_computed(path):
     assert unused == [], f"tests/book/literals.toml, [{path.stem}]: the page has no such phrase"
 
 
-@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
-def test_links_to_equations_keep_their_words(path):
-    """The site shows `[words](#eq-name)` as the bare number: write `words {eq}`eq-name``."""
-    assert re.findall(r"\[[^\[\]]*\]\(#eq-[^)]*\)", path.read_text(encoding="utf-8")) == []
-
-
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_cells_that_print_a_table_say_so_to_the_site(path):
     """Else the site shows its rows as text."""
