@@ -126,7 +126,7 @@ def test_the_networks_answer_is_where_the_features_begin(monkeypatch):
         return fit_registration(problem, weights, features, start)
 
     monkeypatch.setattr("qclearn.registration.fit.fit_registration", fit)
-    result = register(MOVING, CONTROL, entries(0), "network", gamma=1e2, features=FEATURES, delta=1.0)
+    result = register(MOVING, CONTROL, entries(0), "network", gamma=1e2, features=FEATURES, delta=1.0, eta=1.0)
     assert seen[0] is mu and off(result) < 0.03 and loaded == ["ldnet", "cpnet"]
     assert counts == [len(result.report["seconds"]) - 1] and "tolerance" not in result.report
     with pytest.raises(LandmarkError, match="method 'network' needs landmarks"):
