@@ -177,7 +177,7 @@ def test_a_closed_hemisphere_gets_in(tmp_path, capsys):
     out = tmp_path / "open.npz"
     run("open", paths["pial_left"], "--mask", paths["thick_left"], "--keep", "--out", out)
     assert re.search(r"open.npz: 99\d\d of 10242 vertices", capsys.readouterr().out)
-    opened, expected = read_surface(out), fsaverage5("left")
+    opened, expected = read_surface(out), fsaverage5("left", wall="thickness")
     np.testing.assert_array_equal(opened.vertices, expected.vertices)
     np.testing.assert_array_equal(opened.faces, expected.faces)
     require_disk(opened)

@@ -98,7 +98,7 @@ def test_the_files_hold_a_sound_sphere(maps, written):
 
 def test_without_untangling_faces_are_flipped(maps, monkeypatch):
     monkeypatch.setattr(spheres, "untangled", lambda vertices, faces, rings: (spheres.stored(vertices), []))
-    assert len(faults(registered_sphere(maps, whole_fsaverage5("left", "sphere")).surface)) > 10
+    assert len(faults(registered_sphere(maps, whole_fsaverage5("left", "sphere")).surface)) > 2
 
 
 def test_a_vertex_out_of_its_star_comes_back_and_nothing_else_moves():
@@ -173,7 +173,7 @@ def test_workbench_carries_places_as_transfer_does(maps, judged, source, mean, m
     whole = whole_of(maps, target)
     inner = whole.rings[whole.table] > RINGS
     off = np.linalg.norm(found - wanted, axis=1)[inner]
-    assert off.mean() < mean and np.percentile(off, 99) < most and inner.sum() > 9000
+    assert off.mean() < mean and np.percentile(off, 99) < most and inner.sum() > 8500
 
 
 def test_workbench_carries_parcels_as_transfer_does(maps, judged):

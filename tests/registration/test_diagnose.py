@@ -37,6 +37,8 @@ from qclearn.surfaces.conformal import ParameterizedSurface, parameterize
 from qclearn.surfaces.surface import Surface, mirror
 
 SULCI = demo_landmarks()["curves"]
+# With ends whose numbers on the whole surface are larger than any on the cut one.
+BEYOND = "calcarine sulcus", "intraparietal sulcus", "collateral sulcus"
 SUBSETS = [slice(0, 4), slice(4, 8), slice(7, 11), slice(None, None, 3), slice(2, 9), slice(None)]  # of the eleven
 
 
@@ -103,7 +105,7 @@ def test_numbers_of_the_whole_surface_are_recognised(sides, subset, wrong):
         (reason,) = messages_of_curves(sides, curves)
     except LandmarkError as error:  # one of them is out of range on the cut surface
         reason = str(error).partition("before it was cut open, say)? ")[2]
-        assert "collateral" in str(error)
+        assert any(f"'{name}'" in str(error) for name in BEYOND)
     assert reason.startswith("numbering: ") and "whole surface" in reason
 
 
@@ -166,7 +168,7 @@ def test_surfaces_that_share_one_numbering_are_not_called_exchanged(sides):
     control, w = sides.control, sides.control.disk.z
     paths = np.array([entry["control"] for entry in SULCI[:6]])
     rng = np.random.default_rng(3)
-    away = 0.02 * np.exp(2j * np.pi * rng.uniform(size=paths.shape))
+    away = 0.03 * np.exp(2j * np.pi * rng.uniform(size=paths.shape))
     there = np.array([abs(w - place).argmin() for place in (w[paths] + away).ravel()]).reshape(paths.shape)
     assert not set(there.ravel()) & set(paths.ravel())
     moved = w.copy()
