@@ -9,7 +9,8 @@ from view import axe_findings
 pytestmark = pytest.mark.xdist_group("widgets in JupyterLab")
 MAKE = (
     "from qclearn import fsaverage5\nfrom qcbook import LandmarkPicker\n"
-    "picker = LandmarkPicker(fsaverage5('right'), fsaverage5('left'), 'clicked.json')\npicker"
+    "sides = [fsaverage5(side, wall='thickness') for side in ('right', 'left')]\n"
+    "picker = LandmarkPicker(*sides, 'clicked.json')\npicker"
 )
 
 
