@@ -13,11 +13,10 @@ from itertools import combinations
 import numpy as np
 
 from ..plane.mobius import nearest_mobius
-from ..surfaces.checks import norms
 from ..surfaces.surface import SurfaceError
 from ..surfaces.units import size_of
 from .features import FOLDS, SCALE, align_by_features, check_features, closing_fan, featured
-from .metrics import mean_rows
+from .metrics import face_areas, mean_rows
 
 LIMITS = {
     "error_mm": 3.0,  # mean landmark error, mm, together with the next; 0.05 to 4.1 | 0.3 to 64
@@ -314,9 +313,7 @@ def differing_walls(moving, control):
 
 def relative_gap(surface):
     """Area of the fan that closes a surface's rim over its squared length."""
-    places, fan = closing_fan(surface)
-    a, b, c = (places[corner] for corner in fan.T)
-    return norms(np.cross(b - a, c - a)).sum() / 2 / size_of(surface)[0] ** 2
+    return face_areas(*closing_fan(surface)).sum() / size_of(surface)[0] ** 2
 
 
 def reasons(moving, rows, fit):

@@ -6,6 +6,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from ..plane.linear import Dirichlet
+from .checks import norms
 from .units import size_of
 
 SMALLEST = 1e-6  # edge in the unit disk: of folded cortex the shortest is 2e-5
@@ -26,7 +27,7 @@ def find_fingers(surface, z):
     length = abs(z[one] - z[two])
     short = (length < SMALLEST) & inner[one] & inner[two]
     some = np.flatnonzero(short)
-    in_space = np.linalg.norm(surface.vertices[one[some]] - surface.vertices[two[some]], axis=1)
+    in_space = norms(surface.vertices[one[some]] - surface.vertices[two[some]])
     short[some] = length[some] < SHRUNK * np.sqrt(np.pi / surface.area) * in_space
     fingers = []
     while short.any():
@@ -46,7 +47,7 @@ def find_fingers(surface, z):
 def depths(surface, finger):
     """Length in space, (V,), of the shortest edge path from each vertex to one outside a finger."""
     one, two = surface.edges.T
-    lengths = np.linalg.norm(surface.vertices[one] - surface.vertices[two], axis=1)
+    lengths = norms(surface.vertices[one] - surface.vertices[two])
     outside = np.ones(len(surface.vertices), bool)
     outside[finger] = False
     graph = _graph(one, two, lengths, len(outside))
@@ -68,7 +69,7 @@ def opened_rows(surface, fingers, matrix):
     u = heat.solve(0.0, np.where(inside, surface.vertex_areas, 0.0)).real
     i, j = np.concatenate([surface.edges, surface.edges[:, ::-1]]).T
     i, j = i[inside[i]], j[inside[i]]
-    slope = (u[i] - u[j]) / np.linalg.norm(surface.vertices[i] - surface.vertices[j], axis=1)
+    slope = (u[i] - u[j]) / norms(surface.vertices[i] - surface.vertices[j])
     steepest = np.zeros(len(u))
     np.maximum.at(steepest, i, abs(slope))
     weights = OUTWARD ** (slope / steepest[i])
