@@ -168,7 +168,7 @@ class DiskSolver:
 
     def _problem(self, mu):
         problem = Dirichlet(self.disk.stiffness(mu), self.loop, self.order)
-        if self.order is None:
+        if self.order is None and hasattr(problem.factors, "perm_c"):
             self.order = problem.free[np.argsort(problem.factors.perm_c)]
         return problem
 
