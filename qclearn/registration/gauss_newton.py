@@ -130,6 +130,7 @@ class ProductStep:
         self.fields = mobius_fields(state.f)
         # dmu = P dnu + Q conj(dnu) on the faces.
         self.to_faces = objective.coefficient_mesh.to_faces
+        self.to_faces_T = self.to_faces.T
         along, across = (bounded_pullback(self.to_faces @ state.nu, unit) for unit in (1.0, 1j))
         self.activation = (along - 1j * across) / 2, (along + 1j * across) / 2
         self.nu = np.concatenate([state.nu.view(float), np.zeros(3)])
@@ -157,7 +158,7 @@ class ProductStep:
         """J^T y."""
         grad_w = self.rows_T @ y
         grad_mu = self.state.solution.pullback(self.slope.conj() * grad_w)
-        by_nu = self.to_faces.T @ self.activated(grad_mu)
+        by_nu = self.to_faces_T @ self.activated(grad_mu)
         return np.concatenate([by_nu.view(float), (self.fields.conj().T @ grad_w).real])
 
     def lift(self, g, B):

@@ -67,6 +67,22 @@ def test_cholmod_and_superlu_agree(number, monkeypatch):
     np.testing.assert_allclose(*answers, atol=1e-9 * abs(answers[1]).max())
 
 
+def test_factors_of_one_pattern_are_solved_in_turn():
+    pytest.importorskip("cvxopt")
+    z, faces = random_disk(seed=3)
+    rng = np.random.default_rng(3)
+    inner = np.setdiff1d(np.arange(len(z)), boundary_loop(faces))
+    matrices = [stiffness(z, faces, random_mu(rng, z, faces, 0.7))[inner][:, inner] for _ in range(2)]
+    one = linear.factorise(matrices[0])
+    two = linear.factorise(matrices[1], pattern=one.pattern)
+    load = rng.normal(size=len(inner))
+    for matrix, factors in (*zip(matrices, (one, two)), (matrices[0], one)):
+        np.testing.assert_allclose(matrix @ factors.solve(load), load, atol=1e-11)
+    indefinite = linear.factorise(matrices[0] - 100 * sparse.eye_array(len(inner)), pattern=one.pattern)
+    assert not isinstance(indefinite, linear.Cholesky)
+    np.testing.assert_allclose(matrices[1] @ two.solve(load), load, atol=1e-11)
+
+
 def test_a_matrix_that_cholmod_cannot_factor_goes_to_superlu():
     indefinite = sparse.diags_array([1.0, -1.0, 2.0])
     np.testing.assert_allclose(linear.factorise(indefinite).solve(np.ones(3)), [1, -1, 0.5])
