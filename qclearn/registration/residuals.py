@@ -62,13 +62,13 @@ class Places:
 
     def __init__(self, disk, samples=None):
         self.disk, self.samples = disk, samples
-        self.map, self.last = None, (None, None)
+        self.map = self.last = None
 
     def at(self, f):
         """(face, weights) of the points after a map f (N,)."""
         if self.map is not f:
             points = f if self.samples is None else self.samples @ f
-            self.last = self.disk.lookup(points, self.last[0])
+            self.last = self.disk.lookup(points)
             self.map = f
         return self.last
 
