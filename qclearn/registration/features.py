@@ -8,6 +8,7 @@ that of its disk); `Features` compares two. `mobius_by_features` aligns disks by
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import itemgetter
 
 import numpy as np
 import scipy
@@ -99,18 +100,24 @@ class Smoothing:
 
     def flow(self, sigma, load):
         time = (self.unit * sigma) ** 2 / (2 * HEAT_STEPS)
-        if self.disk is None or len(load) <= LARGE or sigma <= FINEST:
+        if not self.is_coarse(sigma):
             return heat_flow(self.mass, time * self.stiffness, load, HEAT_STEPS)
-        spread, mass, stiffness = self.coarse
+        _, spread, mass, stiffness = self.coarse
         return spread @ heat_flow(mass, time * stiffness, spread.T @ load, HEAT_STEPS)
+
+    def is_coarse(self, sigma):
+        """Whether few vertices have all that there is at a scale."""
+        return self.disk is not None and len(self.areas) > LARGE and sigma > FINEST
 
     @cached_property
     def coarse(self):
-        """Functions linear on the triangles of few vertices: (V, N) to values at all, mass and
-        stiffness."""
-        spread = thinned(self.disk, self.areas, COARSE)[1].sampling(self.disk.z)
-        spread = spread[:, spread.sum(0) > 0]  # a point on the rim may be in no triangle
-        return spread, spread.T @ self.mass @ spread, spread.T @ self.stiffness @ spread
+        """Functions linear on the triangles of few vertices: their numbers (N,), (V, N) to values
+        at all, mass and stiffness."""
+        some, mesh = thinned(self.disk, self.areas, COARSE)
+        spread = mesh.sampling(self.disk.z)
+        held = spread.sum(0) > 0  # a point on the rim may be in no triangle
+        some, spread = some[held], spread[:, held]
+        return some, spread, spread.T @ self.mass @ spread, spread.T @ self.stiffness @ spread
 
 
 def log_density(areas, disk):
@@ -176,6 +183,15 @@ class Features:
         """Both sides' features at scale sigma, standardised: (V, C) and (W, C)."""
         return tuple(side.at(sigma) for side in self.sides)
 
+    def judges(self, sigma):
+        """The moving vertices (N,) at which features of a scale are compared, and their shares of
+        the area: all, or of a large surface's coarse scales few, by the triangles between them."""
+        moving = self.sides[0]
+        if not moving.is_coarse(sigma):
+            return slice(None), self.areas
+        some, spread, *_ = moving.coarse
+        return some, spread.T @ self.areas
+
     def correlation(self, f, sigma=FINEST):
         """r (C,) over the moving area between features of scale sigma and the control's where f
         (V,) takes them."""
@@ -192,7 +208,8 @@ class Directions(Features):
     """
 
     def __init__(self, features, moving, control):
-        self.disk, self.areas, self.shares = features.disk, features.areas, np.ones(3) / 3
+        self.sides, self.disk, self.areas = features.sides, features.disk, features.areas
+        self.shares = np.ones(3) / 3
         here, there = crude_sphere(moving), crude_sphere(control)
         search = RotationSearch(features, there)
         self.mirrored_r, _ = search.best(here * [-1, 1, 1])
@@ -302,12 +319,12 @@ def mobius_by_features(features, z, near=False, search=FOLDED):
     some = np.random.default_rng(0).choice(inner, POINTS, p=share)
     match = Match(features, z, some)
     if near:
-        return match.refined((0j, 0.0))
+        return match.refined((0j, 0.0))[1]
     around = np.exp(2j * np.pi * np.arange(directions) / directions)
     centres = [0j, *np.multiply.outer(radii, around).ravel()]
     starts = [(a, turn) for a in centres for turn in 2 * np.pi * np.arange(turns) / turns]
     order = np.argsort(Match(features, z, some[:SCOUTS]).misfits(starts), kind="stable")
-    return min((match.refined(starts[k]) for k in order[:best]), key=match.misfit)
+    return min((match.refined(starts[k]) for k in order[:best]), key=itemgetter(0))[1]
 
 
 def best_by_features(features, z, search=FOLDED):
@@ -333,38 +350,42 @@ class Match:
         self.z, self.here = z[some], here[some]
         self.shares = np.sqrt(features.shares / len(some))
 
-    def misfit(self, parameters):
-        """Mean square of the difference after the Möbius map (a, theta)."""
-        return self.misfits([parameters])[0]
-
     def misfits(self, many):
-        """The same (B,) after each of B maps, looked up in one go."""
+        """Mean squares (B,) of the difference after each of B Möbius maps (a, theta), looked up in
+        one go."""
         a, theta = (np.array(part)[:, None] for part in zip(*many))
         places = self.lookup(mobius(np.tile(self.z, (len(a), 1)), a, theta).ravel())
         there = self.image.at(places).reshape(len(a), *self.here.shape)
         return ((self.shares * (self.here - there)) ** 2).sum((1, 2))
 
+    def after(self, parameters):
+        """Mean square after one Möbius map, the points and their places then, and residuals."""
+        w = mobius(self.z, *parameters)
+        places = self.lookup(w)
+        residual = (self.shares * (self.here - self.image.at(places))).ravel()
+        return residual @ residual, w, places, residual
+
     def refined(self, parameters):
-        """(a, theta) after damped Gauss-Newton steps from there, each a Möbius map more."""
-        damping, cost = DAMPING, self.misfit(parameters)
+        """(misfit, (a, theta)) after damped Gauss-Newton steps from there, each a Möbius map
+        more."""
+        damping = DAMPING
+        cost, w, places, residual = self.after(parameters)
         for _ in range(ROUNDS):
-            w = mobius(self.z, *parameters)
-            places = self.lookup(w)
-            residual = (self.shares * (self.here - self.image.at(places))).ravel()
             slopes = (self.shares * self.image.slopes(places)).conj()
             J = -(slopes[:, :, None] * mobius_fields(w)[:, None]).real.reshape(-1, 3)
             normal = J.T @ J
             damped = normal + damping * np.diag(np.diag(normal))
             turn, real, imaginary = np.linalg.solve(damped, -J.T @ residual)
             shift = complex(real, imaginary)
-            after = compose_mobius(parameters, (shift / np.sqrt(1 + abs(shift) ** 2), turn))
-            after_cost = self.misfit(after)
-            if after_cost < cost:
-                parameters, cost = after, after_cost
+            tried = compose_mobius(parameters, (shift / np.sqrt(1 + abs(shift) ** 2), turn))
+            after = self.after(tried)
+            if after[0] < cost:
+                parameters = tried
+                cost, w, places, residual = after
                 damping *= 0.2
             else:
                 damping *= 10.0
-        return parameters
+        return cost, parameters
 
 
 def check_features(features, moving, control):

@@ -78,15 +78,16 @@ class FeatureTerm:
     sigma.
 
     I, J: standardised features of both sides; a: their shares; w: the vertices' shares of the
-    moving area; a sum is 2 (1 - r) where features keep their variance. places: of the moving
-    vertices, if they are not the mapped mesh's.
+    moving area; a sum is 2 (1 - r) where features keep their variance. judges: `Features.judges`
+    (None: all vertices); places: theirs, if they are not the mapped mesh's vertices.
     """
 
-    def __init__(self, features, sigma, delta, places=None):
+    def __init__(self, features, sigma, delta, places=None, judges=None):
         self.places = places or Places(features.disk)
-        self.here, there = features.at(sigma)
-        self.image = Image(features.disk, there)
-        self.scale = np.sqrt(delta * features.areas[:, None] * features.shares)
+        some, areas = judges or (slice(None), features.areas)
+        here, there = features.at(sigma)
+        self.here, self.image = here[some], Image(features.disk, there)
+        self.scale = np.sqrt(delta * areas[:, None] * features.shares)
 
     def residual(self, f):
         """`sqrt(delta a_c w_k) (I_c - J_c)`, (C V,), feature after feature, for a map f (N,)."""
