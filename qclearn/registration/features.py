@@ -100,14 +100,17 @@ class Smoothing:
 
     def flow(self, sigma, load):
         time = (self.unit * sigma) ** 2 / (2 * HEAT_STEPS)
-        if not self.is_coarse(sigma):
+        if self.few(sigma)[1] is None:
             return heat_flow(self.mass, time * self.stiffness, load, HEAT_STEPS)
         _, spread, mass, stiffness = self.coarse
         return spread @ heat_flow(mass, time * stiffness, spread.T @ load, HEAT_STEPS)
 
-    def is_coarse(self, sigma):
-        """Whether few vertices have all that there is at a scale."""
-        return self.disk is not None and len(self.areas) > LARGE and sigma > FINEST
+    def few(self, sigma):
+        """Vertices (N,) that have all there is at a scale, and (V, N) from values there to values
+        at all; all of them and None, unless the surface is large and the scale coarse."""
+        if self.disk is None or len(self.areas) <= LARGE or sigma <= FINEST:
+            return slice(None), None
+        return self.coarse[:2]
 
     @cached_property
     def coarse(self):
@@ -184,13 +187,10 @@ class Features:
         return tuple(side.at(sigma) for side in self.sides)
 
     def judges(self, sigma):
-        """The moving vertices (N,) at which features of a scale are compared, and their shares of
-        the area: all, or of a large surface's coarse scales few, by the triangles between them."""
-        moving = self.sides[0]
-        if not moving.is_coarse(sigma):
-            return slice(None), self.areas
-        some, spread, *_ = moving.coarse
-        return some, spread.T @ self.areas
+        """The moving vertices at which features of a scale are compared, as of `Smoothing.few`, and
+        their shares of the area (N,)."""
+        some, spread = self.sides[0].few(sigma)
+        return some, self.areas if spread is None else spread.T @ self.areas
 
     def correlation(self, f, sigma=FINEST):
         """r (C,) over the moving area between features of scale sigma and the control's where f
@@ -210,7 +210,10 @@ class Directions(Features):
     def __init__(self, features, moving, control):
         self.sides, self.disk, self.areas = features.sides, features.disk, features.areas
         self.shares = np.ones(3) / 3
-        here, there = crude_sphere(moving), crude_sphere(control)
+        here, there = (
+            crude_sphere(surface, side.few(ROUND)[1])
+            for surface, side in zip((moving, control), features.sides)
+        )
         search = RotationSearch(features, there)
         self.mirrored_r, _ = search.best(here * [-1, 1, 1])
         self.r, rotated = search.best(here)
@@ -227,8 +230,9 @@ class RotationSearch:
     def __init__(self, features, there):
         here, values = features.at(SCALE)
         self.some = np.random.default_rng(0).choice(len(here), POINTS, p=features.areas)
-        self.here, self.values = here[self.some] * features.shares / POINTS, values
-        self.tree = scipy.spatial.KDTree(there)
+        few, _ = features.sides[1].few(SCALE)
+        self.here, self.values = here[self.some] * features.shares / POINTS, values[few]
+        self.tree = scipy.spatial.KDTree(there[few])
 
     def best(self, sphere):
         """The features' correlation after the best rotation of a sphere (V, 3) about the axes of
@@ -256,13 +260,14 @@ def closing_fan(surface):
     return np.vstack([surface.vertices, surface.vertices[rim].mean(0)]), fan
 
 
-def crude_sphere(surface):
+def crude_sphere(surface, spread=None):
     """The vertices of a surface cut open at one rim on the unit sphere (V, 3), from their places
     alone.
 
     A fan closes the rim, and the places follow the closed surface's heat flow to the scale ROUND;
     centred, with deviation 1 along each axis of space, they are taken to the sphere from its
     centre. Sides that lie in space alike lie alike on their spheres, wherever they were cut.
+    spread: of `Smoothing.few`, whose vertices then carry the heat.
     """
     count = len(surface.vertices)
     places, fan = closing_fan(surface)
@@ -272,7 +277,13 @@ def crude_sphere(surface):
     areas = closed.vertex_areas / closed.area
     mass, time = sparse.diags_array(areas), ROUND**2 / HEMISPHERE / (2 * HEAT_STEPS)
     places = closed.vertices - areas @ closed.vertices
-    places = heat_flow(mass, time * closed.stiffness, mass @ places, HEAT_STEPS)
+    flow = mass, time * closed.stiffness, mass @ places
+    if spread is None:
+        places = heat_flow(*flow, HEAT_STEPS)
+    else:
+        spread = sparse.block_diag([spread, np.eye(len(places) - count)]).tocsr()
+        small = (spread.T @ part @ spread for part in flow[:2])
+        places = spread @ heat_flow(*small, spread.T @ flow[2], HEAT_STEPS)
     places = standardised(places, areas)[:count]
     return places / np.maximum(np.linalg.norm(places, axis=1, keepdims=True), np.finfo(float).tiny)
 
