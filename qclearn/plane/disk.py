@@ -127,7 +127,7 @@ class Disk:
 
     @cached_property
     def lookup(self) -> "Lookup":
-        """`lookup(points, guess)` is `locate` unchecked, from faces (P,) near the points."""
+        """`lookup(points)` is `locate` unchecked; its search tree is kept."""
         return Lookup(self)
 
     def locate(
@@ -280,19 +280,17 @@ def pairs(z):
 class Lookup:
     """Where points lie in one `Disk`: (face, barycentric coordinates). Nothing is checked.
 
-    From the faces `guess` (P,), else from a face at the nearest vertex, a walk crosses the edge
-    that a point lies farthest beyond. Points that STEPS do not reach are looked for in a tree of
-    all faces; points in no face are moved onto the boundary polygon.
+    From a face at the nearest vertex a walk crosses the edge that a point lies farthest beyond.
+    Points that STEPS do not reach are looked for in a tree of all faces; points in no face are
+    moved onto the boundary polygon.
     """
 
     def __init__(self, disk):
         self.disk, self.z, self.faces = disk, disk.z, disk.faces
 
-    def __call__(self, points, guess=None):
-        if guess is None:
-            tree, face_at = self._vertices
-            guess = face_at[tree.query(pairs(points))[1]]
-        face = self._walk(points, guess)
+    def __call__(self, points):
+        tree, face_at = self._vertices
+        face = self._walk(points, face_at[tree.query(pairs(points))[1]])
         lost = np.flatnonzero(face == LOST)
         if len(lost):
             point, some = self._tree.query(shapely.points(pairs(points[lost])), "intersects")
@@ -326,8 +324,8 @@ class Lookup:
         return face, weights / weights.sum(1, keepdims=True)
 
     def _walk(self, points, face):
-        """The faces that hold points (P,), a few edges from `face` (P,); or LOST, or BEYOND."""
-        face = face.copy()
+        """The faces that hold points (P,), a few edges from `face` (P,), which it overwrites; or
+        LOST, or BEYOND."""
         at = np.arange(len(points))
         for _ in range(STEPS):
             sides = _edge_distances(self.z[self.faces[face[at]]], points[at])

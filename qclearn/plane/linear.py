@@ -2,6 +2,11 @@
 values held. Then what triangles alone give: lengths, angles, points inside, the cotangent matrix.
 """
 
+import contextlib
+from functools import cache
+from importlib.util import find_spec
+from types import SimpleNamespace
+
 import numpy as np
 from jaxtyping import Float, Integer
 from numpy import ndarray
@@ -10,6 +15,7 @@ from scipy.sparse.linalg import splu
 
 from .checks import BeltramiError
 
+SYMMETRIC = 1e-12  # of the largest entry: what a matrix may be off its transpose
 LARGE = 20_000  # vertices from which on a mesh is mapped and smoothed by way of a smaller one
 
 
@@ -25,26 +31,75 @@ def three_a_row(values, columns, width):
     return sparse.csr_array((values.ravel(), columns.ravel(), starts), shape=(len(values), width))
 
 
-def factorise(matrix, ordering="MMD_AT_PLUS_A"):
-    """SuperLU factors of a matrix with symmetric pattern, pivots on the diagonal.
+def factorise(matrix, ordering="MMD_AT_PLUS_A", pattern=None):
+    """Factors of a matrix with symmetric pattern, with `solve(load)`: CHOLMOD's where the matrix is
+    symmetric and positive definite and cvxopt is installed (extra `fast`), else SuperLU's, pivots
+    on the diagonal. SuperLU's, too, where the rows are in their order already ("NATURAL"). pattern:
+    of the `Cholesky` factors of a matrix with the same one.
 
     For SPD matrices and rows of averages: with slivers, pivots off the diagonal fill the factors up
     to 35 times as much and are no more accurate; with the default of `relax` some meshes
     (fsaverage5, subdivided) fill twice as much.
     """
+    matrix = matrix.tocsc()
+    if ordering != "NATURAL" and has_cholmod() and is_symmetric(matrix):
+        with contextlib.suppress(ArithmeticError):  # not positive definite
+            return Cholesky(matrix, pattern)
     try:
         return splu(
-            matrix.tocsc(),
-            ordering,
-            diag_pivot_thresh=0.0,
-            relax=1,
-            options={"SymmetricMode": True},
+            matrix, ordering, diag_pivot_thresh=0.0, relax=1, options={"SymmetricMode": True}
         )
     except RuntimeError as error:
         raise BeltramiError(
             f"the system of equations cannot be solved ({str(error).lower()}): some vertex is in "
             "no face, or triangles are too thin or too small for double precision; remesh"
         ) from None
+
+
+@cache
+def has_cholmod():
+    return find_spec("cvxopt") is not None
+
+
+def is_symmetric(matrix):
+    return abs(matrix - matrix.T).max() <= SYMMETRIC * abs(matrix).max()
+
+
+class Cholesky:
+    """CHOLMOD's supernodal factors of a symmetric positive definite matrix; ArithmeticError where
+    it is none.
+
+    Matrices of one `pattern` share its symbolic factor, and with it the room for the numbers of one
+    of them at a time: whichever is solved next computes its own again.
+    """
+
+    def __init__(self, matrix, pattern=None):
+        from cvxopt import cholmod, spmatrix
+
+        cholmod.options["supernodal"] = 2
+        lower = sparse.tril(matrix).tocoo()
+        self.lower = spmatrix(lower.data, *lower.coords, matrix.shape)
+        self.key = object()
+        self.pattern = pattern or SimpleNamespace(factors=cholmod.symbolic(self.lower), key=None)
+        self.fill()
+
+    def fill(self):
+        """The pattern's factors, filled with the numbers of this matrix."""
+        from cvxopt import cholmod
+
+        if self.pattern.key is not self.key:
+            self.pattern.key = None  # of no matrix, if this one turns out not to be definite
+            cholmod.numeric(self.lower, self.pattern.factors)
+            self.pattern.key = self.key
+        return self.pattern.factors
+
+    def solve(self, load):
+        """x with `matrix x = load`, (N,) or (N, K)."""
+        from cvxopt import cholmod, matrix
+
+        x = matrix(np.asfortranarray(load.reshape(len(load), -1)))
+        cholmod.solve(self.fill(), x)
+        return np.asarray(x).reshape(load.shape)
 
 
 def heat_flow(mass, stiffness, load, steps):
@@ -60,17 +115,20 @@ def heat_flow(mass, stiffness, load, steps):
 class Dirichlet:
     """A stiffness matrix with values prescribed at some vertices, factored once.
 
-    order: the other vertices in the order of their elimination, which minimum degree gives else.
+    order: the other vertices in the order of their elimination, which minimum degree gives else;
+    pattern: of `factorise`.
     """
 
-    def __init__(self, matrix, pinned, order=None):
+    def __init__(self, matrix, pinned, order=None, pattern=None):
         self.size = matrix.shape[0]
         self.pinned = np.asarray(pinned)
         self.free = np.setdiff1d(np.arange(self.size), self.pinned) if order is None else order
         rows = matrix.tocsr()[self.free]
         self.coupling = rows[:, self.pinned]
+        self.coupling_T = self.coupling.T
         ordering = "MMD_AT_PLUS_A" if order is None else "NATURAL"
-        self.factors = factorise(rows[:, self.free], ordering) if len(self.free) else None
+        inner = rows[:, self.free]
+        self.factors = factorise(inner, ordering, pattern) if len(self.free) else None
 
     def solve_free(self, load):
         """Free values (len(free), ...) for a real or complex load there and zero at the pins."""

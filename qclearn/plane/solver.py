@@ -43,7 +43,7 @@ class FreeBoundary:
         self.U = np.zeros(dirichlet.size)
         self.U[free] = dirichlet.solve_free(np.where(free == pole, -2 * np.pi, 0.0))
         # 2. Its flux through the boundary gives the boundary's steps in angle.
-        density = dirichlet.coupling.T @ self.U[free] / self.spans
+        density = dirichlet.coupling_T @ self.U[free] / self.spans
         self.raw_steps = steps = lengths * (density + np.roll(density, -1))
         if calibration is not None:
             steps = calibration @ steps
@@ -61,7 +61,7 @@ class FreeBoundary:
         free, loop, f = self.dirichlet.free, self.loop, self.f
         adjoint = np.zeros(grad_f.shape, complex)
         adjoint[free] = -(self.dirichlet.solve_free(grad_f[free]) if solution is None else solution)
-        grad_boundary = grad_f[loop] + self.dirichlet.coupling.T @ adjoint[free]
+        grad_boundary = grad_f[loop] + self.dirichlet.coupling_T @ adjoint[free]
         grad_theta = (grad_boundary * f[loop, None].conj()).imag
         # A step moves every later angle.
         grad_step = np.cumsum(grad_theta[::-1], axis=0)[::-1] - grad_theta
@@ -77,9 +77,9 @@ class FreeBoundary:
 
     def pushforward(self, changes):
         """The change of f (V, B) with changes `dK x` (V, B), x = Re f, Im f, U."""
-        free, loop, coupling = self.dirichlet.free, self.loop, self.dirichlet.coupling
+        free, loop, dirichlet = self.dirichlet.free, self.loop, self.dirichlet
         real, imaginary, load = changes
-        flux = load[loop] - coupling.T @ self.dirichlet.solve_free(load[free])
+        flux = load[loop] - dirichlet.coupling_T @ dirichlet.solve_free(load[free])
         density = flux / self.spans[:, None]
         steps = self.lengths[:, None] * (density + np.roll(density, -1, axis=0))
         if self.calibration is not None:
@@ -90,8 +90,8 @@ class FreeBoundary:
         angle = np.cumsum(steps, axis=0) - steps  # a step moves every later angle
         change = np.empty((self.dirichlet.size, angle.shape[1]), complex)
         change[loop] = 1j * self.f[loop, None] * angle
-        pull = real[free] + 1j * imaginary[free] + coupling @ change[loop]
-        change[free] = -self.dirichlet.solve_free(pull)
+        pull = real[free] + 1j * imaginary[free] + dirichlet.coupling @ change[loop]
+        change[free] = -dirichlet.solve_free(pull)
         return change
 
 
@@ -137,7 +137,7 @@ class DiskSolver:
         if not len(interior):
             raise SurfaceError("the disk mesh has no interior vertex; refine it")
         self.pole = interior[abs(z[interior]).argmin()]
-        self.order = None  # of elimination: that of the first factorisation serves all others
+        self.order = self.pattern = None  # those of the first factorisation serve all others
 
     @cached_property
     def calibration(self) -> Float[sparse.csr_array, " B B"] | None:
@@ -167,9 +167,11 @@ class DiskSolver:
         return sparse.csr_array((weights, (rows, columns)), shape=(len(raw), len(raw)))
 
     def _problem(self, mu):
-        problem = Dirichlet(self.disk.stiffness(mu), self.loop, self.order)
-        if self.order is None:
-            self.order = problem.free[np.argsort(problem.factors.perm_c)]
+        problem = Dirichlet(self.disk.stiffness(mu), self.loop, self.order, self.pattern)
+        if self.order is None and self.pattern is None:
+            self.pattern = getattr(problem.factors, "pattern", None)
+            if self.pattern is None:  # SuperLU keeps nothing but the order
+                self.order = problem.free[np.argsort(problem.factors.perm_c)]
         return problem
 
     def solve(self, mu: PerFace) -> PerVertex:
@@ -177,7 +179,8 @@ class DiskSolver:
         everywhere."""
         self.mu = check_coefficient(mu, len(self.disk.faces))
         self.free_boundary = None  # the last factors make room
-        vars(self).pop("sensitivities", None)
+        for name in ("sensitivities", "sensitivities_T"):
+            vars(self).pop(name, None)
         # The calibration is a mesh's first problem, so that the order is the same for every mu.
         calibration = self.calibration
         problem = self._problem(self.mu)
@@ -244,6 +247,11 @@ class DiskSolver:
         f, U = self.free_boundary.f, self.free_boundary.U
         return [self.sensitivity(x) for x in (f.real, f.imag, U)]
 
+    @cached_property
+    def sensitivities_T(self):
+        """Their transposes, (V, F)."""
+        return [matrix.T for matrix in self.sensitivities]
+
     def pushforward(self, dmu: Complex[ndarray, " *B F"]) -> Complex[ndarray, " *B V"]:
         """Change of the last f, (V,) or (B, V), with a change of mu, (F,) or (B, F): three real
         solves.
@@ -252,7 +260,7 @@ class DiskSolver:
         conj(pullback(grad_f)) dmu`.
         """
         dmu = np.asarray(dmu, complex)
-        changes = [(matrix.T @ np.atleast_2d(dmu).conj().T).real for matrix in self.sensitivities]
+        changes = [(matrix @ np.atleast_2d(dmu).conj().T).real for matrix in self.sensitivities_T]
         df = self._renormalise(self.free_boundary.pushforward(changes))
         return df.T.reshape(*dmu.shape[:-1], len(self.disk.z))
 

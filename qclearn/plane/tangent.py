@@ -63,18 +63,11 @@ class Carrier:
         f_z = three_a_row(self.mapped.gradients.conj() / 2, self.mapped.faces, len(self.mapped.z))
         self.slope = (self.mapped.to_vertices @ f_z).tocsr()
         self.areas = np.bincount(mesh.faces.ravel(), np.repeat(mesh.areas, 3)) / 3
-        self.values, at = self.values_at(self.z)
+        self.values = disk.sampling(self.z)
         self.tree = scipy.spatial.cKDTree(pairs(self.z))
         self.hats = hats_inside(mesh.faces, len(self.z))
         self.areas_fine = np.repeat(mesh.areas, FINER**2) / FINER**2
-        near = at[np.repeat(mesh.faces[:, 0], FINER**2)]
-        self.values_fine, _ = self.values_at(self.hats @ self.z, near)
-
-    def values_at(self, points, guess=None):
-        """Sparse (P, V) from values on the mapped mesh to those at points (P,), and the faces that
-        hold them."""
-        face, weights = self.mapped.lookup(points, guess)
-        return three_a_row(weights, self.mapped.faces[face], len(self.mapped.z)), face
+        self.values_fine = disk.sampling(self.hats @ self.z)
 
 
 class Tangent:

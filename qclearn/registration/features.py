@@ -8,6 +8,7 @@ that of its disk); `Features` compares two. `mobius_by_features` aligns disks by
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import itemgetter
 
 import numpy as np
 import scipy
@@ -99,18 +100,27 @@ class Smoothing:
 
     def flow(self, sigma, load):
         time = (self.unit * sigma) ** 2 / (2 * HEAT_STEPS)
-        if self.disk is None or len(load) <= LARGE or sigma <= FINEST:
+        if self.few(sigma)[1] is None:
             return heat_flow(self.mass, time * self.stiffness, load, HEAT_STEPS)
-        spread, mass, stiffness = self.coarse
+        _, spread, mass, stiffness = self.coarse
         return spread @ heat_flow(mass, time * stiffness, spread.T @ load, HEAT_STEPS)
+
+    def few(self, sigma):
+        """Vertices (N,) that have all there is at a scale, and (V, N) from values there to values
+        at all; all of them and None, unless the surface is large and the scale coarse."""
+        if self.disk is None or len(self.areas) <= LARGE or sigma <= FINEST:
+            return slice(None), None
+        return self.coarse[:2]
 
     @cached_property
     def coarse(self):
-        """Functions linear on the triangles of few vertices: (V, N) to values at all, mass and
-        stiffness."""
-        spread = thinned(self.disk, self.areas, COARSE)[1].sampling(self.disk.z)
-        spread = spread[:, spread.sum(0) > 0]  # a point on the rim may be in no triangle
-        return spread, spread.T @ self.mass @ spread, spread.T @ self.stiffness @ spread
+        """Functions linear on the triangles of few vertices: their numbers (N,), (V, N) to values
+        at all, mass and stiffness."""
+        some, mesh = thinned(self.disk, self.areas, COARSE)
+        spread = mesh.sampling(self.disk.z)
+        held = spread.sum(0) > 0  # a point on the rim may be in no triangle
+        some, spread = some[held], spread[:, held]
+        return some, spread, spread.T @ self.mass @ spread, spread.T @ self.stiffness @ spread
 
 
 def log_density(areas, disk):
@@ -176,6 +186,12 @@ class Features:
         """Both sides' features at scale sigma, standardised: (V, C) and (W, C)."""
         return tuple(side.at(sigma) for side in self.sides)
 
+    def judges(self, sigma):
+        """The moving vertices at which features of a scale are compared, as of `Smoothing.few`, and
+        their shares of the area (N,)."""
+        some, spread = self.sides[0].few(sigma)
+        return some, self.areas if spread is None else spread.T @ self.areas
+
     def correlation(self, f, sigma=FINEST):
         """r (C,) over the moving area between features of scale sigma and the control's where f
         (V,) takes them."""
@@ -192,8 +208,12 @@ class Directions(Features):
     """
 
     def __init__(self, features, moving, control):
-        self.disk, self.areas, self.shares = features.disk, features.areas, np.ones(3) / 3
-        here, there = crude_sphere(moving), crude_sphere(control)
+        self.sides, self.disk, self.areas = features.sides, features.disk, features.areas
+        self.shares = np.ones(3) / 3
+        here, there = (
+            crude_sphere(surface, side.few(ROUND)[1])
+            for surface, side in zip((moving, control), features.sides)
+        )
         search = RotationSearch(features, there)
         self.mirrored_r, _ = search.best(here * [-1, 1, 1])
         self.r, rotated = search.best(here)
@@ -210,8 +230,9 @@ class RotationSearch:
     def __init__(self, features, there):
         here, values = features.at(SCALE)
         self.some = np.random.default_rng(0).choice(len(here), POINTS, p=features.areas)
-        self.here, self.values = here[self.some] * features.shares / POINTS, values
-        self.tree = scipy.spatial.KDTree(there)
+        few, _ = features.sides[1].few(SCALE)
+        self.here, self.values = here[self.some] * features.shares / POINTS, values[few]
+        self.tree = scipy.spatial.KDTree(there[few])
 
     def best(self, sphere):
         """The features' correlation after the best rotation of a sphere (V, 3) about the axes of
@@ -239,13 +260,14 @@ def closing_fan(surface):
     return np.vstack([surface.vertices, surface.vertices[rim].mean(0)]), fan
 
 
-def crude_sphere(surface):
+def crude_sphere(surface, spread=None):
     """The vertices of a surface cut open at one rim on the unit sphere (V, 3), from their places
     alone.
 
     A fan closes the rim, and the places follow the closed surface's heat flow to the scale ROUND;
     centred, with deviation 1 along each axis of space, they are taken to the sphere from its
     centre. Sides that lie in space alike lie alike on their spheres, wherever they were cut.
+    spread: of `Smoothing.few`, whose vertices then carry the heat.
     """
     count = len(surface.vertices)
     places, fan = closing_fan(surface)
@@ -255,7 +277,13 @@ def crude_sphere(surface):
     areas = closed.vertex_areas / closed.area
     mass, time = sparse.diags_array(areas), ROUND**2 / HEMISPHERE / (2 * HEAT_STEPS)
     places = closed.vertices - areas @ closed.vertices
-    places = heat_flow(mass, time * closed.stiffness, mass @ places, HEAT_STEPS)
+    flow = mass, time * closed.stiffness, mass @ places
+    if spread is None:
+        places = heat_flow(*flow, HEAT_STEPS)
+    else:
+        spread = sparse.block_diag([spread, np.eye(len(places) - count)]).tocsr()
+        small = (spread.T @ part @ spread for part in flow[:2])
+        places = spread @ heat_flow(*small, spread.T @ flow[2], HEAT_STEPS)
     places = standardised(places, areas)[:count]
     return places / np.maximum(np.linalg.norm(places, axis=1, keepdims=True), np.finfo(float).tiny)
 
@@ -302,12 +330,12 @@ def mobius_by_features(features, z, near=False, search=FOLDED):
     some = np.random.default_rng(0).choice(inner, POINTS, p=share)
     match = Match(features, z, some)
     if near:
-        return match.refined((0j, 0.0))
+        return match.refined((0j, 0.0))[1]
     around = np.exp(2j * np.pi * np.arange(directions) / directions)
     centres = [0j, *np.multiply.outer(radii, around).ravel()]
     starts = [(a, turn) for a in centres for turn in 2 * np.pi * np.arange(turns) / turns]
     order = np.argsort(Match(features, z, some[:SCOUTS]).misfits(starts), kind="stable")
-    return min((match.refined(starts[k]) for k in order[:best]), key=match.misfit)
+    return min((match.refined(starts[k]) for k in order[:best]), key=itemgetter(0))[1]
 
 
 def best_by_features(features, z, search=FOLDED):
@@ -333,38 +361,42 @@ class Match:
         self.z, self.here = z[some], here[some]
         self.shares = np.sqrt(features.shares / len(some))
 
-    def misfit(self, parameters):
-        """Mean square of the difference after the Möbius map (a, theta)."""
-        return self.misfits([parameters])[0]
-
     def misfits(self, many):
-        """The same (B,) after each of B maps, looked up in one go."""
+        """Mean squares (B,) of the difference after each of B Möbius maps (a, theta), looked up in
+        one go."""
         a, theta = (np.array(part)[:, None] for part in zip(*many))
         places = self.lookup(mobius(np.tile(self.z, (len(a), 1)), a, theta).ravel())
         there = self.image.at(places).reshape(len(a), *self.here.shape)
         return ((self.shares * (self.here - there)) ** 2).sum((1, 2))
 
+    def after(self, parameters):
+        """Mean square after one Möbius map, the points and their places then, and residuals."""
+        w = mobius(self.z, *parameters)
+        places = self.lookup(w)
+        residual = (self.shares * (self.here - self.image.at(places))).ravel()
+        return residual @ residual, w, places, residual
+
     def refined(self, parameters):
-        """(a, theta) after damped Gauss-Newton steps from there, each a Möbius map more."""
-        damping, cost = DAMPING, self.misfit(parameters)
+        """(misfit, (a, theta)) after damped Gauss-Newton steps from there, each a Möbius map
+        more."""
+        damping = DAMPING
+        cost, w, places, residual = self.after(parameters)
         for _ in range(ROUNDS):
-            w = mobius(self.z, *parameters)
-            places = self.lookup(w)
-            residual = (self.shares * (self.here - self.image.at(places))).ravel()
             slopes = (self.shares * self.image.slopes(places)).conj()
             J = -(slopes[:, :, None] * mobius_fields(w)[:, None]).real.reshape(-1, 3)
             normal = J.T @ J
             damped = normal + damping * np.diag(np.diag(normal))
             turn, real, imaginary = np.linalg.solve(damped, -J.T @ residual)
             shift = complex(real, imaginary)
-            after = compose_mobius(parameters, (shift / np.sqrt(1 + abs(shift) ** 2), turn))
-            after_cost = self.misfit(after)
-            if after_cost < cost:
-                parameters, cost = after, after_cost
+            tried = compose_mobius(parameters, (shift / np.sqrt(1 + abs(shift) ** 2), turn))
+            after = self.after(tried)
+            if after[0] < cost:
+                parameters = tried
+                cost, w, places, residual = after
                 damping *= 0.2
             else:
                 damping *= 10.0
-        return parameters
+        return cost, parameters
 
 
 def check_features(features, moving, control):

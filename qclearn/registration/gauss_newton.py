@@ -130,6 +130,7 @@ class ProductStep:
         self.fields = mobius_fields(state.f)
         # dmu = P dnu + Q conj(dnu) on the faces.
         self.to_faces = objective.coefficient_mesh.to_faces
+        self.to_faces_T = self.to_faces.T
         along, across = (bounded_pullback(self.to_faces @ state.nu, unit) for unit in (1.0, 1j))
         self.activation = (along - 1j * across) / 2, (along + 1j * across) / 2
         self.nu = np.concatenate([state.nu.view(float), np.zeros(3)])
@@ -157,7 +158,7 @@ class ProductStep:
         """J^T y."""
         grad_w = self.rows_T @ y
         grad_mu = self.state.solution.pullback(self.slope.conj() * grad_w)
-        by_nu = self.to_faces.T @ self.activated(grad_mu)
+        by_nu = self.to_faces_T @ self.activated(grad_mu)
         return np.concatenate([by_nu.view(float), (self.fields.conj().T @ grad_w).real])
 
     def lift(self, g, B):
@@ -337,7 +338,7 @@ class State:
 
 class Discretization:
     """What no weight changes of a `Problem` on a `CoefficientMesh`; own: the problem's disk is
-    mapped, not the polar mesh."""
+    mapped, or a proxy of it, not the mesh of nu."""
 
     def __init__(self, problem, coefficient_mesh, own):
         self.problem, self.coefficient_mesh, self.own = problem, coefficient_mesh, own
@@ -345,11 +346,17 @@ class Discretization:
         self.landmarks = LandmarkTerm(problem.target, problem.curve, problem.sliding)
 
     @cached_property
+    def sampling(self):
+        """Sparse (V, N): from the mapped mesh to the moving vertices."""
+        return self.coefficient_mesh.disk.sampling(self.problem.disk.z)
+
+    @cached_property
     def mass_by_area(self):
         """`S^T diag(w) S`, S from nu's mesh to the moving vertices, w their shares of the moving
         surface's area."""
-        moving = self.problem.sides.moving
-        S = self.coefficient_mesh.mesh.sampling(moving.disk.z)
+        meshes, moving = self.coefficient_mesh, self.problem.sides.moving
+        same = meshes.disk is meshes.mesh
+        S = self.sampling if same else meshes.mesh.sampling(moving.disk.z)
         return (S.T @ sparse.diags_array(moving.shares[0]) @ S).tocsc()
 
     @cached_property
@@ -394,6 +401,7 @@ class GaussNewtonObjective:
         self.W = weights.alpha * self.mass + weights.beta * mesh.laplace
         self.factors = factorise(self.W)
         self.work, self.most_work = 0.0, np.inf
+        self.last = None, None, None  # map, gamma and residual
         if discretization.own:
             gamma = weights.gamma if len(self.problem.moving) else LOW_GAMMA
             self.most_work = MOST_WORK * max(gamma / LOW_GAMMA, 1.0) ** GROWTH
@@ -446,9 +454,14 @@ class GaussNewtonObjective:
         return (nu.conj() @ (self.W @ nu)).real
 
     def residual(self, state, gamma):
-        """All residuals of a state: of the landmarks, and of the terms over the whole surface."""
-        landmarks = self.landmarks.residual(state.points, gamma)
-        return np.concatenate([landmarks, *(term.residual(state.f) for term in self.terms)])
+        """All residuals of a state: of the landmarks, and of the terms over the whole surface. Kept
+        for the last map, of which several ask."""
+        f, weight, residual = self.last
+        if f is not state.f or weight != gamma:
+            landmarks = self.landmarks.residual(state.points, gamma)
+            residual = np.concatenate([landmarks, *(term.residual(state.f) for term in self.terms)])
+            self.last = state.f, gamma, residual
+        return residual
 
     def value(self, state, gamma):
         """The objective at a state."""

@@ -136,12 +136,10 @@ class MultiresolutionFit:
         nu."""
         key = level.rings, level.own_mesh, level.proxy_rings
         if key not in self.discretizations:
-            problem, own = self.problem, level.own_mesh or level.proxy_rings > 0
-            if level.proxy_rings:
-                problem = replace(problem, disk=polar(level.proxy_rings))
-            rings = level.rings
-            mesh = CoefficientMesh(problem.disk, polar(rings)) if own else polar_mesh(rings)
-            self.discretizations[key] = Discretization(problem, mesh, own)
+            disk = polar(level.proxy_rings) if level.proxy_rings else self.problem.disk
+            rings, own = level.rings, level.own_mesh or level.proxy_rings > 0
+            mesh = CoefficientMesh(disk, polar(rings)) if own else polar_mesh(rings)
+            self.discretizations[key] = Discretization(self.problem, mesh, own)
         return self.discretizations[key]
 
     def objective(self, level, weights, features=None):
@@ -156,25 +154,25 @@ class MultiresolutionFit:
         by_features = features is not None and level.sigma is not None
         feature_term = area_term = None
         if by_features or weights.eta:
-            # Features and areas are compared at the moving vertices, on any mesh.
-            mapped = discretization.coefficient_mesh.disk
-            samples = None if level.own_mesh else mapped.sampling(self.problem.disk.z)
-            places = Places((pair.control if features is None else features).disk, samples)
+            places = Places((pair.control if features is None else features).disk)
             if by_features:
-                feature_term = FeatureTerm(features, level.sigma, weights.delta, places)
+                judges = None
+                at = places
+                if not level.own_mesh:  # features are compared at moving vertices all the same
+                    judges = features.judges(level.sigma)
+                    at = Places(features.disk, discretization.sampling[judges[0]])
+                feature_term = FeatureTerm(features, level.sigma, weights.delta, at, judges)
             if weights.eta:
                 area_term = self.area_term(level, discretization, weights.eta, places)
         return GaussNewtonObjective(discretization, weights, feature_term, area_term)
 
     def area_term(self, level, discretization, eta, places):
-        """The `AreaTerm` of one level; places: of the moving vertices."""
+        """The `AreaTerm` of one level; places: of the mapped vertices."""
         mapped = discretization.coefficient_mesh.disk
         sigma = FINEST if discretization.own else level.sigma or LEVELS[0].sigma
         shares, moving = discretization.by_area(self.density("moving", sigma))
         if level.proxy_rings or level.skip_ratio:
             shares = np.where(abs(mapped.centroids) < RIM, shares, 0.0)
-        if not level.own_mesh:
-            places = Places(self.problem.sides.control.disk)
         return AreaTerm(mapped, shares, moving, self.density("control", sigma), eta, places)
 
     def density(self, name, sigma):

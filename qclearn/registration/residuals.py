@@ -62,13 +62,13 @@ class Places:
 
     def __init__(self, disk, samples=None):
         self.disk, self.samples = disk, samples
-        self.map, self.last = None, (None, None)
+        self.map = self.last = None
 
     def at(self, f):
         """(face, weights) of the points after a map f (N,)."""
         if self.map is not f:
             points = f if self.samples is None else self.samples @ f
-            self.last = self.disk.lookup(points, self.last[0])
+            self.last = self.disk.lookup(points)
             self.map = f
         return self.last
 
@@ -78,15 +78,16 @@ class FeatureTerm:
     sigma.
 
     I, J: standardised features of both sides; a: their shares; w: the vertices' shares of the
-    moving area; a sum is 2 (1 - r) where features keep their variance. places: of the moving
-    vertices, if they are not the mapped mesh's.
+    moving area; a sum is 2 (1 - r) where features keep their variance. judges: `Features.judges`
+    (None: all vertices); places: theirs, if they are not the mapped mesh's vertices.
     """
 
-    def __init__(self, features, sigma, delta, places=None):
+    def __init__(self, features, sigma, delta, places=None, judges=None):
         self.places = places or Places(features.disk)
-        self.here, there = features.at(sigma)
-        self.image = Image(features.disk, there)
-        self.scale = np.sqrt(delta * features.areas[:, None] * features.shares)
+        some, areas = judges or (slice(None), features.areas)
+        here, there = features.at(sigma)
+        self.here, self.image = here[some], Image(features.disk, there)
+        self.scale = np.sqrt(delta * areas[:, None] * features.shares)
 
     def residual(self, f):
         """`sqrt(delta a_c w_k) (I_c - J_c)`, (C V,), feature after feature, for a map f (N,)."""

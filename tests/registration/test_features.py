@@ -8,7 +8,7 @@ from known_surfaces import grooved_sphere
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk
 from qclearn.registration.features import HEMISPHERE, Feature, FeatureError, Smoothing, check_features, featured
-from qclearn.registration.residuals import FeatureTerm
+from qclearn.registration.residuals import FeatureTerm, Places
 from qclearn.surfaces.conformal import ParameterizedSurface
 from qclearn.surfaces.curvature import mean_curvature, sulcal_depth
 from qclearn.surfaces.surface import Surface
@@ -82,6 +82,20 @@ def test_the_mismatch_is_twice_one_less_the_correlation():
     r = pair.correlation(Z)
     assert 0.1 < r[0] < 0.9
     assert (FeatureTerm(pair, 4.0, 0.7).residual(Z) ** 2).sum() == pytest.approx(0.7 * 2 * (1 - r[0]), rel=1e-6)
+
+
+def test_few_vertices_of_a_large_surface_judge_as_all_do(monkeypatch):
+    """Of scales above the finest alone."""
+    monkeypatch.setattr("qclearn.registration.features.COARSE", 600)
+    every = features()
+    whole = (FeatureTerm(every, 30.0, 1.0).residual(0.9 * Z) ** 2).sum()
+    monkeypatch.setattr("qclearn.registration.features.LARGE", len(Z) - 1)
+    judges = some, areas = features().judges(30.0)
+    assert 600 <= len(some) < len(Z) / 2 and areas.sum() == pytest.approx(1) and areas.min() > 0
+    places = Places(DISK, DISK.sampling(Z[some]))
+    judged = (FeatureTerm(every, 30.0, 1.0, places, judges).residual(0.9 * Z) ** 2).sum()
+    assert judged == pytest.approx(whole, rel=0.03)
+    assert features().judges(4.0)[0] == slice(None)
 
 
 def test_weights_are_shares():
