@@ -36,6 +36,10 @@ MOBIUS_PRIOR = 1e-6
 # Woodbury's formula loses all digits.
 RELIEF = 1e-3
 
+# Share of the other terms' part on them that it counts: nu undoes nearly all of a Möbius map, and
+# with the whole part, directions that do so are found last.
+MOBIUS_SHARE = 0.02
+
 # Conjugate gradients: how many steps at most (dual steps are few, unless gamma is extreme).
 STEPS = 80
 DUAL_STEPS = 200
@@ -47,7 +51,7 @@ FORCING = 0.1
 # by decades.
 ACCURACY = 0.1
 # The same with areas: steps that are less exact promise too little, and the fit ends early.
-ACCURACY_WITH_AREAS = 0.01
+ACCURACY_WITH_AREAS = 0.03
 # Least singular value of the directions that correct a preconditioner, in parts of the largest.
 INDEPENDENT = 1e-6
 
@@ -184,17 +188,21 @@ def conjugate_gradients(product, precondition, rest, directions):
     """Preconditioned conjugate gradients for `A x = rest`: yields x, what is left of `rest`, and
     its squared size in the preconditioner's norm, before each step; appends its direction p, A p, p
     A p and its length to `directions`."""
-    x, p, last = np.zeros(len(rest)), 0.0, 1.0
+    x = np.zeros(len(rest))
     while True:
         z = precondition(rest)
         size = rest @ z
         yield x, rest, size
-        p = z + size / last * p
+        # Conjugate to all earlier directions: to the last one alone, rounding would grow tenfold a
+        # step, until directions repeat.
+        p = z
+        for earlier, Ap, curvature, _ in directions:
+            p = p - Ap @ p / curvature * earlier
         Ap = product(p)
         curvature = p @ Ap
-        length = size / curvature
+        length = p @ rest / curvature
         directions.append((p, Ap, curvature, length))
-        x, rest, last = x + length * p, rest - length * Ap, size
+        x, rest = x + length * p, rest - length * Ap
 
 
 class DualStep(ProductStep):
@@ -272,7 +280,7 @@ class PrimalStep(ProductStep):
         if len(state.points):
             self.accuracy /= max(1.0, np.log10(gamma) - 2)
         by_mobius = (self.rows_conj[len(self.by_mobius) :] @ self.fields).real
-        self.B = MOBIUS_PRIOR * np.eye(3) + by_mobius.T @ by_mobius
+        self.B = MOBIUS_PRIOR * np.eye(3) + MOBIUS_SHARE * by_mobius.T @ by_mobius
         self.B += RELIEF * self.by_mobius.T @ self.by_mobius
         by_nu = np.ascontiguousarray(objective.jacobian(state, gamma)).view(float)
         self.J = np.hstack([by_nu, self.by_mobius])

@@ -204,7 +204,9 @@ class MultiresolutionFit:
                 if level.skip_ratio:
                     limit = level.skip_ratio * before.value(state, weights.gamma)
                 nu = self.carried(before, state, objective, start if features is None else None)
-                state = objective.at(nu, state.mobius)
+                same = before.terms and before.discretization is objective.discretization
+                known = state.preconditioner if same else None
+                state = replace(objective.at(nu, state.mobius), preconditioner=known)
             before = None  # with its factors, which make room for those of this level
             taken = 0
             if not (limit > 0 and objective.value(state, weights.gamma) <= limit):

@@ -4,6 +4,7 @@ import pickle
 import sys
 from contextlib import contextmanager
 from dataclasses import fields
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -23,7 +24,13 @@ from qclearn.plane.mobius import best_mobius, compose_mobius, mobius, mobius_inv
 from qclearn.plane.tangent import CoefficientMesh
 from qclearn.registration import multiresolution as multiresolution_module
 from qclearn.registration.fit import fit_landmarks, fit_problem
-from qclearn.registration.gauss_newton import MOBIUS_PRIOR, Discretization, GaussNewtonObjective, corrected
+from qclearn.registration.gauss_newton import (
+    MOBIUS_PRIOR,
+    Discretization,
+    GaussNewtonObjective,
+    conjugate_gradients,
+    corrected,
+)
 from qclearn.registration.multiresolution import MultiresolutionFit, landmark_levels, start_field
 from qclearn.registration.problem import LandmarkError, Problem, Weights
 from qclearn.registration.residuals import TANGENTIAL_WEIGHT, LandmarkTerm
@@ -456,3 +463,13 @@ def test_sliding_needs_one_label_a_landmark():
         fit_landmarks(*SMALL, GOOD, GOOD, sliding=True)
     with pytest.raises(LandmarkError, match=r"\(2,\) curve labels for 3 landmarks"):
         fit_landmarks(*SMALL, GOOD, GOOD, curve=[0, 1])
+
+
+def test_conjugate_gradients_end_after_as_many_steps_as_unknowns():
+    rng = np.random.default_rng(0)
+    Q = np.linalg.qr(rng.standard_normal((40, 40)))[0]
+    A = (Q * np.logspace(0, 6, 40)) @ Q.T
+    b = A @ np.ones(40)
+    steps = conjugate_gradients(A.__matmul__, np.copy, b, [])
+    x, _, _ = next(islice(steps, 40, None))
+    assert abs(x - 1).max() < 1e-6  # 0.8 where directions are conjugate to the last one alone
