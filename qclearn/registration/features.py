@@ -51,6 +51,7 @@ DAMPING = 1e-2  # of the first step, in parts of the normal matrix
 
 # Rotations of crude spheres: degrees about each axis of space, from coarse to fine.
 TURNS = (32, 16, 8, 4, 2)
+CELLS = 48  # per radius, of the grid in which nearest vertices are looked up
 
 
 class Smoothing:
@@ -232,7 +233,11 @@ class RotationSearch:
         self.some = np.random.default_rng(0).choice(len(here), POINTS, p=features.areas)
         few, _ = features.sides[1].few(SCALE)
         self.here, self.values = here[self.some] * features.shares / POINTS, values[few]
-        self.tree = scipy.spatial.KDTree(there[few])
+        # The nearest vertex to each cell of a grid that the sphere runs through: many rotations ask.
+        cells = np.indices((2 * CELLS + 1,) * 3).reshape(3, -1).T / CELLS - 1
+        near = abs(np.linalg.norm(cells, axis=1) - 1) < 1 / CELLS
+        self.nearest = np.zeros(len(cells), int)
+        self.nearest[near] = scipy.spatial.KDTree(there[few]).query(cells[near])[1]
 
     def best(self, sphere):
         """The features' correlation after the best rotation of a sphere (V, 3) about the axes of
@@ -245,7 +250,8 @@ class RotationSearch:
             grid = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3)
             tried = Rotation.from_euler("xyz", grid, degrees=True) * best
             places = np.einsum("rij,pj->rpi", tried.as_matrix(), sphere[self.some])
-            _, nearest = self.tree.query(places)
+            cells = np.rint((places + 1) * CELLS).astype(int)
+            nearest = self.nearest[cells @ [(2 * CELLS + 1) ** 2, 2 * CELLS + 1, 1]]
             found = np.einsum("rpc,pc->r", self.values[nearest], self.here)
             if found.max() > r:
                 r, best = float(found.max()), tried[int(found.argmax())]
