@@ -11,6 +11,7 @@ import time
 from contextlib import nullcontext
 from dataclasses import asdict
 from datetime import date
+from hashlib import sha256
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
@@ -23,6 +24,7 @@ from data_synth.cortex import FEWEST, MOST
 from ..group.workers import connect, versions
 from ..io.extras import require
 from ..io.provenance import commit, processor
+from .cortex import person
 from .measured import BenchmarkError
 from .methods import METHODS
 from .pairs import CONTROL
@@ -80,6 +82,8 @@ def benchmark(
         "commit": origin["commit"],
         "runs": [asdict(run) for run in runs],
     }
+    if known := people_files(specs):
+        settings["people"] = known
     if not out.absolute().parent.is_dir() or out.is_dir():
         raise BenchmarkError(f"{out}: not a file in a folder that exists; give another --out")
     folder = None if folder is None else str(Path(folder).absolute())
@@ -101,6 +105,13 @@ def benchmark(
     seconds = round(time.perf_counter() - start, 1)
     costs = {"seconds": seconds, "resumed": bool(done), "left_out": left_out}
     return journal.finish(origin | machines | costs)
+
+
+def people_files(specs):
+    """The sha256 of each person's file that the Specs read, dict by name: a folder's rows are of
+    these files alone."""
+    paths = {given[0] for spec in specs for read, *given in spec.sides if read is person}
+    return {Path(path).stem: sha256(Path(path).read_bytes()).hexdigest() for path in sorted(paths)}
 
 
 def finished(client, tasks, methods, grown):

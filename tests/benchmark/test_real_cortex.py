@@ -13,6 +13,7 @@ from qclearn.benchmark.measured import BenchmarkError
 from qclearn.benchmark.methods import METHODS
 from qclearn.benchmark.pairs import mapped, prepare, reverse
 from qclearn.benchmark.problems import problems
+from qclearn.benchmark.run import people_files
 from qclearn.benchmark.trial import trial
 from qclearn.io.meshes import write_surface
 from qclearn.plane.grids import polar, polar_disk
@@ -190,6 +191,10 @@ def test_a_folder_of_people_is_each_onto_each_other(tmp_path, sides, once):
     assert [curve["name"] for curve in pair.held] == ["spoke 1", "spoke 3"]
     row = trial(pair, Run("Möbius", "mobius_only"), METHODS["mobius_only"])
     assert row["held_out_mm"] > 1 and row["there_and_back_mm"] is None
+    known = people_files(specs)  # another folder's rows are not taken for these
+    write_surface(tmp_path / "b.npz", sides[0].surface)
+    again = people_files(specs)
+    assert set(known) == {"a", "b"} and known["a"] == again["a"] and known["b"] != again["b"]
     (tmp_path / "b.npz").unlink()
     with pytest.raises(BenchmarkError, match="1 files \\*.npz; give at least two open hemispheres"):
         problems(1, [f"folder:{tmp_path}"])
