@@ -5,7 +5,6 @@ values held. Then what triangles alone give: lengths, angles, points inside, the
 import contextlib
 from functools import cache
 from importlib.util import find_spec
-from types import SimpleNamespace
 
 import numpy as np
 from jaxtyping import Float, Integer
@@ -65,6 +64,16 @@ def is_symmetric(matrix):
     return abs(matrix - matrix.T).max() <= SYMMETRIC * abs(matrix).max()
 
 
+class Pattern:
+    """The symbolic factor of matrices of one pattern, and whose numbers fill it. A pickle is empty:
+    the factor is made again."""
+
+    factors = key = None
+
+    def __reduce__(self):
+        return Pattern, ()
+
+
 class Cholesky:
     """CHOLMOD's supernodal factors of a symmetric positive definite matrix; ArithmeticError where
     it is none.
@@ -80,13 +89,15 @@ class Cholesky:
         lower = sparse.tril(matrix).tocoo()
         self.lower = spmatrix(lower.data, *lower.coords, matrix.shape)
         self.key = object()
-        self.pattern = pattern or SimpleNamespace(factors=cholmod.symbolic(self.lower), key=None)
+        self.pattern = pattern or Pattern()
         self.fill()
 
     def fill(self):
         """The pattern's factors, filled with the numbers of this matrix."""
         from cvxopt import cholmod
 
+        if self.pattern.factors is None:
+            self.pattern.factors = cholmod.symbolic(self.lower)
         if self.pattern.key is not self.key:
             self.pattern.key = None  # of no matrix, if this one turns out not to be definite
             cholmod.numeric(self.lower, self.pattern.factors)

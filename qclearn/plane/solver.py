@@ -248,7 +248,7 @@ class DiskSolver:
         return [self.sensitivity(x) for x in (f.real, f.imag, U)]
 
     @cached_property
-    def sensitivities_T(self):
+    def sensitivities_T(self) -> list[Complex[sparse.sparray, " V F"]]:
         """Their transposes, (V, F)."""
         return [matrix.T for matrix in self.sensitivities]
 
