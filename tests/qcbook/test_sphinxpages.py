@@ -1,15 +1,42 @@
-"""Docstrings and help texts reach the reference pages as they are written."""
+"""Cells on the site: long imports are folded, and a folded cell that prints nothing has no bar of
+its own."""
 
-from qcbook.sphinxpages import escape_text
+from docutils import nodes
+
+from qcbook.sphinxpages import join_folded
 
 
-def test_text_is_escaped_and_code_and_the_lines_of_sphinx_click_stay():
-    lines = ["Weight of |mu|, `f_z` and curve_<name>.", ".. option:: --to <to>", "    **Required** x * y", "| a_b", ""]
-    escape_text("app", "context", lines)
-    assert lines == [
-        r"Weight of \|mu\|, ``f_z`` and curve\_<name>.",
-        ".. option:: --to <to>",
-        r"    **Required** x \* y",
-        "| a_b",
-        "",
-    ]
+def cell(code, folded, prints=False):
+    made = nodes.container(nb_element="cell_code")
+    source = nodes.container(nb_element="cell_code_source")
+    source += nodes.literal_block(code, code)
+    made += source
+    if prints:
+        made += nodes.container(nb_element="cell_code_output")
+    if folded:
+        made["hide_mode"] = "input"
+    return made
+
+
+def joined(*cells):
+    page = nodes.document(None, None)
+    page.extend(cells)
+    join_folded(None, page)
+    return [(one.get("hide_mode"), [block.astext() for block in one.children[0]]) for one in page]
+
+
+def test_a_folded_cell_that_prints_nothing_joins_the_next_folded_one():
+    cells = cell("a = 1", True), cell("b = 2", True), cell("print(a)", True, True), cell("c", True)
+    assert joined(*cells) == [("input", ["a = 1", "b = 2", "print(a)"]), ("input", ["c"])]
+
+
+def test_it_stays_where_visible_code_comes_first():
+    cells = cell("a = 1", True), cell("b = 2", False), cell("print(a)", True, True)
+    assert joined(*cells) == [("input", ["a = 1"]), (None, ["b = 2"]), ("input", ["print(a)"])]
+
+
+def test_long_imports_are_folded():
+    imports = "\n".join(f"from a import b{k}" for k in range(7))
+    assert joined(cell(imports, False)) == [("input", [imports])]
+    for seen in (imports + "\nc = 1", imports.partition("\n")[2], "%matplotlib inline\n" * 8):
+        assert joined(cell(seen, False)) == [(None, [seen])]
