@@ -12,11 +12,12 @@ from ..surfaces.surface import SurfaceError
 # Of the benchmark: raise it when a field's meaning changes, so that old files are not read as new.
 SCHEMA_VERSION = 2
 RESULTS = Path(__file__).with_name("results")
-OWN = "benchmark", "peers"  # files that the benchmark itself writes
+OWN = "benchmark", "peers", "people"  # files that the benchmark itself writes
 WRITERS = {  # of the files in RESULTS
     "benchmark": "qclearn benchmark",
     "networks": "book/studies/evaluate_networks.py",
     "peers": "qclearn benchmark --peers only",
+    "people": "qclearn benchmark --peers only --set folder:DIR",
     "scaling": "book/studies/scaling.py",
     "sizes": "book/studies/sizes.py",
     "suspect": "book/studies/suspect.py",
@@ -26,7 +27,7 @@ WRITERS = {  # of the files in RESULTS
 }
 # Files with a line per entry, and the list in a file that has a line per entry.
 DENSE = ("template", "training")
-LISTED = {"benchmark": "rows", "peers": "rows", "sizes": "rows", "suspect": "cases"}
+LISTED = dict.fromkeys((*OWN, "sizes"), "rows") | {"suspect": "cases"}
 
 
 class BenchmarkError(ValueError):
