@@ -148,9 +148,15 @@ def main():
             **pairs,
         }
     factors = result["folds"]["factors"]
+    keep(result)  # what follows asks for radii at weights that the file before may refuse
     result |= {"warps": on_warps(checkpoint, factors), "curves": on_curves(checkpoint, factors)}
     result |= {"ends": at_ends(checkpoint, factors), "next": on_next(checkpoint)}
-    write_whole(KEPT, lambda place: place.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8"))
+    keep(result)
+
+
+def keep(result):
+    text = json.dumps(result, indent=1) + "\n"
+    write_whole(KEPT, lambda place: place.write_text(text, encoding="utf-8"))
 
 
 def on_warps(checkpoint, factors):
