@@ -68,7 +68,9 @@ def png_width(png):
     return int.from_bytes(png[16:20], "big")
 
 
-def table(head, rows):
-    """A Markdown table of strings; its cell needs the metadata `mystnb: {markdown_format: myst}`."""
+def table(head, rows, folded=""):
+    """A Markdown table of strings; its cell needs the metadata `mystnb: {markdown_format: myst}`. With
+    words `folded` only these are seen until a reader clicks them."""
     lines = [head, ["---"] * len(head), *rows]
-    return Markdown("\n".join("| " + " | ".join(line) + " |" for line in lines))
+    text = "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    return Markdown(f"<details><summary>{folded}</summary>\n\n{text}\n\n</details>" if folded else text)

@@ -76,3 +76,5 @@ def test_the_cells_that_kept_a_number_are_known(monkeypatch):
 
 def test_a_table_is_markdown():
     assert pages.table(["a", "b"], [["1", "2"]]).data == "| a | b |\n| --- | --- |\n| 1 | 2 |"
+    folded = pages.table(["a"], [["1"]], "All of it").data
+    assert folded == "<details><summary>All of it</summary>\n\n| a |\n| --- |\n| 1 |\n\n</details>"
