@@ -5,7 +5,7 @@ import qclearn as qc
 TITLE = "The middle of a group"
 PAGE, MINUTES, POINTS = "template", 25, 3
 TASK = r"""
-Take step 2 of a round of the template, in the section *A round*. Given are the maps $f_k$ of $n$ subjects to the
+Take step 2 in the section *One round of the iteration*. Given are the maps $f_k$ of $n$ subjects to the
 mean, `maps`, complex `(n, V)`; for simplicity all are known at the vertices `z` of one mesh of the disk with
 triangles `faces`, and all are the identity on the circle. Return the maps $g_k = h \circ f_k$, complex `(n, V)`,
 where $h$ is the average of the inverse maps.

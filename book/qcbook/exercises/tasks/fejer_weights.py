@@ -9,7 +9,7 @@ Truncation of a Fourier series can lift a legal coefficient to $|\mu| > 1$, and 
 [E9](#erratum-9). {prf:ref}`Fejér's weights <prop-ft-fejer>` cannot. Write `filtered`: given are `image`, complex
 `(N, N)`, and `k` with $2k + 1 \le N$; return the image after the weights, complex `(N, N)`. `np.fft.fft2` and
 `np.fft.ifft2` transform there and back. Frequencies count modulo $N$: `fft2` has $0, 1, 2, \dots, -2, -1$ in this
-order, and so has `np.fft.fftfreq(N, 1 / N)`. The section *What compression does not promise* says why the weights
+order, and so has `np.fft.fftfreq(N, 1 / N)`. The section *Compression can destroy bijectivity* proves that the weights
 work: each new value has to be a mean of values of $\mu$, with weights that are not negative.
 """
 
