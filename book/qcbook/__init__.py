@@ -7,7 +7,7 @@ EXPLORABLES = ("Mobius", "Mu", "Tuner", "Sulci", "Landmarks", "LBS", "Boundary",
 TABLE = {
     "cells": ["keep", "num", "show_figure", "table"],
     "diagrams": ["block_diagram"],
-    "dots": ["dot_lines", "plain_ticks"],
+    "dots": ["dot_lines", "plain_ticks", "run_dots"],
     "examples": ["cortex_problem", "example_problems", "spread_vertices"],
     **{f"explore_{name.lower()}": [name] for name in EXPLORABLES},
     "fitstates": ["fit_state", "states_figure"],
