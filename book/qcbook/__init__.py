@@ -11,7 +11,7 @@ TABLE = {
     "examples": ["cortex_problem", "example_problems", "spread_vertices"],
     **{f"explore_{name.lower()}": [name] for name in EXPLORABLES},
     "fitstates": ["fit_state", "states_figure"],
-    "gliding": ["Gliding"],
+    "gliding": ["Gliding", "View", "view_figure"],
     "live": ["explorable"],
     "needs": ["needs_figure"],
     "picker": ["LandmarkPicker"],
