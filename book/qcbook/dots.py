@@ -1,8 +1,17 @@
-"""Measured rows as dots, one per pair of surfaces: a figure shows the spread beside the means."""
+"""Measured rows as dots: a figure shows the spread over pairs of surfaces beside the means."""
 
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 COLOURS = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00"
+
+# Words of a run's name -> colour, marker, label of its family; the first one counts.
+FAMILIES = {
+    "harmonic": ("#D55E00", "s", "harmonic maps"),
+    "Gauss-Newton": ("#0072B2", "o", "Gauss-Newton fits"),
+    "paper's networks": ("#CC79A7", "v", "the paper's networks, mended"),
+    "CP-Net": ("#009E73", "^", "CP-Net and what follows it"),
+    "": ("0.35", "D", "others"),
+}
 
 
 def dot_lines(ax, rows, key, sets, crossed=lambda row: False):
@@ -29,6 +38,23 @@ def dot_lines(ax, rows, key, sets, crossed=lambda row: False):
                 ax.plot(sum(values) / len(values), line + shift, marker="|", ms=13, mew=2.5, **style)
     ax.set(yticks=range(len(runs)), yticklabels=runs, ylim=(len(runs) - 0.5, -0.5))
     ax.hlines([line - 0.5 for line in range(1, len(runs))], 0, 1, "0.8", transform=ax.get_yaxis_transform(), lw=0.8)
+
+
+def run_dots(ax, found, rows, x, y, floor=0):
+    """Draw each run of a summary `found` at its (x, y), and a line over the y of its `rows`.
+
+    A hollow dot is a run with a map that is not certified. What lies below `floor` is drawn there.
+    """
+    left = dict(found)
+    for word, (color, marker, label) in FAMILIES.items():
+        own = {name: left.pop(name) for name in list(left) if word in name}
+        for name, line in own.items():
+            values = [row[y] for row in rows if row["run"] == name and row.get(y) is not None]
+            ends = [max(floor, value) for value in (min(values), max(values))]
+            ax.plot([line[x]] * 2, ends, color=color, linewidth=0.8, alpha=0.5)
+            face = color if line["certified"] == line["pairs"] else "white"
+            ax.plot(line[x], max(floor, line[y]), marker, color=color, markerfacecolor=face)
+        ax.plot([], [], marker, color=color, label=label)
 
 
 def plain_ticks(axis):

@@ -1,10 +1,11 @@
-"""Curves on a surface that glide from the best Möbius map to the registration as a slider moves;
-before it is moved, and without a script, they glide there once."""
+"""Curves on pictures of a surface: in panels, or gliding from the best Möbius map to the registration as
+a slider moves; before it is moved, and without a script, they glide there once."""
 
 import base64
 import html
 import io
 
+import matplotlib.pyplot as plt
 import numpy as np
 from PIL import Image
 
@@ -30,6 +31,54 @@ def pixels(plotter, points):
     return found
 
 
+class View:
+    """One picture of `shape`, a surface with the faces of the disk map `z`, and where points of the
+    disk are on it: `picture` (a PIL image), `box` (left, top, width, height of the surface).
+
+    `more` goes to `surface_scene`.
+    """
+
+    def __init__(self, z, shape, **more):
+        require_renderer()
+        self.disk, self.shape = Disk(z, shape.faces), shape
+        self.plotter = surface_scene(shape, **more)
+        self.plotter.off_screen, self.plotter.window_size = True, SIZE
+        self.plotter.camera.zoom(1.6)
+        self.picture = Image.fromarray(self.plotter.screenshot(return_img=True))
+        outline = np.array(pixels(self.plotter, shape.vertices))
+        self.box = [*(outline.min(0) - 10).round(), *(np.ptp(outline, axis=0) + 20).round()]
+
+    def seen(self, places):
+        """Places (steps, k) in the disk as pixels (steps, n, 2); points on the surface's far side are
+        left out at all steps."""
+        at = [self.disk.locate(curve) for curve in places]
+        points = np.array([self.disk.interpolate(self.shape.vertices, one) for one in at])
+        normals = np.array([self.disk.interpolate(self.plotter.meshes[0]["Normals"], one) for one in at])
+        towards = np.array(self.plotter.camera.position) - points
+        shown = ((normals * towards).sum(-1) > 0).all(0)
+        return np.array([pixels(self.plotter, curve[shown]) for curve in points])
+
+
+def view_figure(view, panels, columns=3, width=3.4):
+    """A Matplotlib figure of a `View` with curves. panels: title -> pairs (colour, curves in the disk)."""
+    left, top, across, down = view.box
+    rows = -(-len(panels) // columns)
+    size = columns * width, rows * (width * down / across + 0.3)
+    fig, axes = plt.subplots(rows, columns, figsize=size, layout="constrained", squeeze=False)
+    for ax in axes.flat:
+        ax.axis("off")
+    for ax, (title, groups) in zip(axes.flat, panels.items()):
+        ax.imshow(view.picture)
+        for colour, curves in groups:
+            for curve in curves:
+                (places,) = view.seen([curve])
+                if len(places):
+                    ax.plot(*places.T, color="black", linewidth=3.6, solid_capstyle="round")
+                    ax.plot(*places.T, color=colour, linewidth=2.6, solid_capstyle="round")
+        ax.set(xlim=(left, left + across), ylim=(top + down, top), title=title)
+    return fig
+
+
 class Gliding:
     """A picture of a `Registration` on `shape`, a surface with the control's faces, and a slider.
 
@@ -38,34 +87,19 @@ class Gliding:
     """
 
     def __init__(self, registration, shape, groups, words, **more):
-        require_renderer()
         self.words, r = words, registration
-        self.disk, self.shape = Disk(r.disk_control, shape.faces), shape
-        plotter = surface_scene(shape, **more)
-        plotter.off_screen, plotter.window_size = True, SIZE
-        plotter.camera.zoom(1.6)
+        view = View(r.disk_control, shape, **more)
         buffer = io.BytesIO()
-        Image.fromarray(plotter.screenshot(return_img=True)).save(buffer, "JPEG", quality=88)
-        self.picture = base64.b64encode(buffer.getvalue()).decode()
-        outline = np.array(pixels(plotter, shape.vertices))
-        self.box = [*(outline.min(0) - 10).round(), *(np.ptp(outline, axis=0) + 20).round()]
+        view.picture.save(buffer, "JPEG", quality=88)
+        self.picture, self.box = base64.b64encode(buffer.getvalue()).decode(), view.box
         self.lines = []
         for colour, curves, moves in groups:
             ends = map_curves(Disk(r.disk_moving, r.faces_moving), r.disk_map, curves) if moves else curves
             for start, end in zip(curves, ends):
                 places = [start + t * (end - start) for t in np.linspace(0, 1, STEPS if moves else 1)]
-                self.lines.append((colour, self.seen(plotter, places)))
-        plotter.close()
-
-    def seen(self, plotter, places):
-        """Places (steps, k) in the disk as "x,y x,y ..." of the picture; points on its far side are left
-        out at all steps."""
-        at = [self.disk.locate(curve) for curve in places]
-        points = np.array([self.disk.interpolate(self.shape.vertices, one) for one in at])
-        normals = np.array([self.disk.interpolate(plotter.meshes[0]["Normals"], one) for one in at])
-        towards = np.array(plotter.camera.position) - points
-        shown = ((normals * towards).sum(-1) > 0).all(0)
-        return [" ".join(f"{x:.1f},{y:.1f}" for x, y in pixels(plotter, curve[shown])) for curve in points]
+                lines = [" ".join(f"{x:.1f},{y:.1f}" for x, y in curve) for curve in view.seen(places)]
+                self.lines.append((colour, lines))
+        view.plotter.close()
 
     def _repr_html_(self):
         lines = "".join(map(self.line, self.lines))

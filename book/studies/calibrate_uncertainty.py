@@ -1,32 +1,36 @@
 """Measure the factors of `register(uncertainty=True)` where true maps are known, and judge them
 where they took no part.
 
-    python -m book.studies.calibrate_uncertainty
+    python -m book.studies.calibrate_uncertainty --people FOLDER
 
 Subjects that calibrate and subjects that judge are disjoint. Pairs of either have all, half, two or
 none of their curves fitted, and 6,000 to 20,000 vertices; landmarks alone have factors of their
 own. Warped real cortex and the held-out curves of fsaverage5 are told apart: nothing was chosen by
 them; so are pairs at the ends of the weights for which there is a radius, and at those of an
-individual. Finished cases are kept in the user's cache and not run again.
+individual. FOLDER's people (NAME.npz with curves) are registered onto each other by folds alone,
+and their curves judge. Finished cases are kept in the user's cache and not run again.
 """
 
+import argparse
 import json
 import time
 import warnings
 from functools import cache, partial
+from itertools import permutations
 from pathlib import Path
 
 import numpy as np
 from platformdirs import user_cache_path
+from scipy.spatial import cKDTree
 from scipy.stats import spearmanr
 
 import qclearn as qc
-from qclearn.benchmark.cortex import fsaverage_side, warp_pair
+from qclearn.benchmark.cortex import fsaverage_side, person, warp_pair
 from qclearn.benchmark.pairs import Pair, cohort_pair, mapped_subject
 from qclearn.io.checkpoint import Checkpoint
 from qclearn.io.provenance import commit
 from qclearn.io.safe import write_whole
-from qclearn.registration.curves import curve_distance, curves_of_both
+from qclearn.registration.curves import curve_distance, curves_in_space, curves_of_both
 from qclearn.registration.metrics import quantile
 from qclearn.registration.problem import DELTA, ETA, Weights
 from qclearn.registration.uncertainty import MOST, calibrated
@@ -121,7 +125,14 @@ def judged(one, factors):
 
 
 def main():
-    settings = {"generation": GENERATION, "weights": {kind: vars(weights) for kind, weights in USUAL.items()}}
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--people", type=Path, required=True, metavar="FOLDER", help="NAME.npz with curves")
+    folder = parser.parse_args().people
+    settings = {
+        "commit": commit(),
+        "generation": GENERATION,
+        "weights": {kind: vars(weights) for kind, weights in USUAL.items()},
+    }
     checkpoint = Checkpoint(user_cache_path("qclearn") / "sure", settings, RuntimeError)
     found, words = {}, {}
     for part, kind, first, second, setting in cases():
@@ -151,6 +162,10 @@ def main():
     keep(result)  # what follows asks for radii at weights that the file before may refuse
     result |= {"warps": on_warps(checkpoint, factors), "curves": on_curves(checkpoint, factors)}
     result |= {"ends": at_ends(checkpoint, factors), "next": on_next(checkpoint)}
+    result["people"] = [
+        checkpoint.json(f"people-{a.stem}-{b.stem}.json", partial(on_people, a, b))
+        for a, b in permutations(sorted(folder.glob("*.npz")), 2)
+    ]
     keep(result)
 
 
@@ -166,6 +181,25 @@ def on_warps(checkpoint, factors):
         one = checkpoint.arrays(f"warp-{amplitude:g}-{setting}.npz", partial(warped, left, amplitude, setting))
         rows.append({"amplitude_mm": amplitude, "curves": setting} | judged(one, factors))
     return rows
+
+
+def on_people(*paths):
+    """The 90 % radius on the curves of one person's surface that is registered onto another's by
+    folds alone: how far the curves end off, mm, and how many of their vertices it holds."""
+    moving, control = map(person, paths)
+    curves = curves_of_both(moving.surface, control.surface)
+    found = qc.register(moving.surface, control.surface, [], uncertainty=True)
+    lines = curves_in_space(control, [control.disk.z[curve["control"]] for curve in curves])
+    numbers = [curve["moving"] for curve in curves]
+    off = [cKDTree(line).query(found.points[path])[0] for line, path in zip(lines, numbers)]
+    off, radius = np.concatenate(off), found.uncertainty[np.concatenate(numbers)]
+    return {
+        "pair": [path.stem for path in paths],
+        "distance_mm": float(off.mean()),
+        "radius_mm": float(radius.mean()),
+        "coverage": float((off <= radius).mean()),
+        "ratio_90": float(np.quantile(off / radius, 0.9)),
+    }
 
 
 def at_ends(checkpoint, factors):

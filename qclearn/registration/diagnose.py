@@ -391,8 +391,8 @@ def switched_rows(fit, surface):
     count = len(surface.vertices)
     if fit.switched > LIMITS["rows"] * count:
         yield (
-            f"rows: the map folded and was repaired at {fit.switched} of {count} vertices; no good "
-            "landmarks ask for that: check the order, the names and the ends of the curves"
+            f"rows: the map folded and was repaired at {fit.switched} of {count} vertices; the "
+            "landmarks are probably wrong: check the order, the names and the ends of the curves"
         )
 
 

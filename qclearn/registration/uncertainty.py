@@ -144,7 +144,7 @@ def uncertainty_of(pair, problem, weights, fit):
     by_posterior, by_fit, by_local = BY_LANDMARKS if features is None else BY_FOLDS
     logs = by_posterior * np.log(np.sqrt(noise * variance) * scale)
     if by_fit:
-        distance = abs(stiffer(problem, weights, features) - fit.f) * scale
+        distance = abs(stiffer(problem, weights, features, fit) - fit.f) * scale
         logs += by_fit * np.log(distance + NEAR_MM)
     radius = np.exp(blurred(moving.features, logs)) * (local / mean) ** by_local
 
@@ -169,11 +169,19 @@ def blurred(smoothing, values):
     return smoothing.flow(BLUR, (smoothing.mass @ values)[:, None])[:, 0]
 
 
-def stiffer(problem, weights, features):
-    """Where a stiffer fit on the polar levels alone takes the vertices, (V,) complex."""
+def stiffer(problem, weights, features, fit):
+    """Where a stiffer fit on the polar levels alone takes the vertices, (V,) complex.
+
+    Without landmarks it begins at the fit: the best Möbius map may be in another valley.
+    """
     levels = limited(GUIDES, problem.disk)
     weights = replace(weights, beta=STIFFER * weights.beta)
-    objective, state, _ = MultiresolutionFit(problem).run(levels, weights, None, features)
+    multiresolution, begun = MultiresolutionFit(problem), (None, None)
+    if not len(problem.moving):
+        first = multiresolution.objective(levels[0], weights, features)
+        nu = start_field(problem.disk, fit.mu, first.coefficient_mesh.mesh)
+        begun = first, first.at(nu, fit.mobius)
+    objective, state, _ = multiresolution.run(levels, weights, None, features, begun=begun)
     return objective.coefficient_mesh.disk.sampling(problem.disk.z) @ state.f
 
 

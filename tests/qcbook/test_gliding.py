@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import qclearn as qc
-from qcbook import Gliding
+from qcbook import Gliding, View, view_figure
 
 
 def numbers(text):
@@ -47,3 +47,16 @@ def test_points_of_the_far_side_are_left_out():
     line = np.linspace(0, 0.95, 40) + 0j
     shown = Gliding(same, qc.Surface(vertices, faces), [("red", [line], False)], "A sphere")._repr_html_()
     assert 12 < len(numbers(re.search(r'polyline stroke="red" points="([^"]*)"', shown)[1])) < 25
+
+
+def test_each_panel_has_its_curves_and_its_title():
+    z, faces = qc.polar_disk(12, 36)
+    shape = qc.Surface(np.stack([z.real, z.imag, 1 - abs(z) ** 2], axis=1), faces)
+    line = np.linspace(-0.5, 0.5, 9) + 0j
+    panels = {"one": [("red", [line])], "two": [("red", [line]), ("yellow", [1j * line])]}
+    fig = view_figure(View(z, shape), panels)
+    shown = [ax for ax in fig.axes if ax.get_title()]
+    colours = [[one.get_color() for one in ax.lines if one.get_color() != "black"] for ax in shown]
+    assert dict(zip([ax.get_title() for ax in shown], colours)) == {"one": ["red"], "two": ["red", "yellow"]}
+    across, down = (shown[1].lines[i].get_xydata() for i in (1, 3))
+    assert np.ptp(across[:, 0]) == pytest.approx(np.ptp(down[:, 1]), rel=0.1)

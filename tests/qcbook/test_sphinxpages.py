@@ -2,8 +2,9 @@
 its own."""
 
 from docutils import nodes
+from docutils.utils import new_document
 
-from qcbook.sphinxpages import join_folded
+from qcbook.sphinxpages import JoinFolded, mark_silent
 
 
 def cell(code, folded, prints=False):
@@ -19,9 +20,10 @@ def cell(code, folded, prints=False):
 
 
 def joined(*cells):
-    page = nodes.document(None, None)
+    page = new_document("page")
     page.extend(cells)
-    join_folded(None, page)
+    mark_silent(None, page)
+    JoinFolded(page).run()
     return [(one.get("hide_mode"), [block.astext() for block in one.children[0]]) for one in page]
 
 
