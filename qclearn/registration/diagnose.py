@@ -36,8 +36,8 @@ LIMITS = {
     "surface_given": 0.33,
     # Gain of the folds' correlation if the moving side is mirrored; -0.63 to -0.22 | 0.18 to 0.53.
     "hand": 0.1,
-    # The same over that after a quarter or half turn more: below, folds judge no curve; 0.35 to
-    # 0.89.
+    # The folds' correlation after the best Möbius map less that after a quarter or half turn more.
+    # Below this, folds judge no curve. Right pairs: 0.35 to 0.89.
     "rotation_contrast": 0.35,
     # Rise of the held-out curves' mean distance, with the next; -0.91 to 0.86 | -0.85 to 2.5.
     "worse": 0.1,

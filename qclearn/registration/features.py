@@ -80,8 +80,8 @@ class Smoothing:
         """log of the share of the surface's area over that of the disk's (V,), smoothed, on any of
         its `Disk`s.
 
-        What two of its disk maps differ by, a Möbius map's slope say, is smooth and is not smoothed
-        again.
+        Two disk maps of one surface differ by a smooth factor, the slope of a Möbius map. It is added
+        after the smoothing.
         """
         if sigma not in self.densities:
             self.heat(sigma)
@@ -107,8 +107,8 @@ class Smoothing:
         return spread @ heat_flow(mass, time * stiffness, spread.T @ load, HEAT_STEPS)
 
     def few(self, sigma):
-        """Vertices (N,) that have all there is at a scale, and (V, N) from values there to values
-        at all; all of them and None, unless the surface is large and the scale coarse."""
+        """Vertices (N,) that suffice at a scale, and the matrix (V, N) that spreads their values to
+        all vertices. All vertices and None, unless the surface is large and the scale coarse."""
         if self.disk is None or len(self.areas) <= LARGE or sigma <= FINEST:
             return slice(None), None
         return self.coarse[:2]

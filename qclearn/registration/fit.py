@@ -3,7 +3,8 @@
 `fit_problem` (landmarks) and `fit_registration` (landmarks and features) run a
 `MultiresolutionFit`, compare its answer with the best Möbius map, and certify it;
 `fit_with_fallbacks` lowers the weights where no map is bijective. Objective: `nu^* W nu + gamma
-mean |M(f(p)) - q|^2 + delta sum_c a_c sum_k w_k (I_c(x_k) - J_c(M f(x_k)))^2`.
+mean |M(f(p)) - q|^2 + delta sum_c a_c sum_k w_k (I_c(x_k) - J_c(M f(x_k)))^2
++ eta mean (log J)^2`, J the areal scale from surface to surface.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,7 +22,7 @@ from ..plane.mobius import best_mobius, mobius
 from ..plane.solver import DiskSolver
 from .features import PLACED, Features, best_by_features
 from .multiresolution import COARSE, MultiresolutionFit, feature_levels, landmark_levels, run_level
-from .problem import LandmarkError, Problem, Weights
+from .problem import DELTA, LandmarkError, Problem, Weights
 
 FEWEST_RINGS = 4  # of the polar mesh; half of them on the coarse one
 ROUNDING = 1e-9  # by which an objective may exceed another and count as equal
@@ -64,8 +65,8 @@ class LandmarkFit(CertifiedMap):
     """Result of `fit_landmarks`: a `CertifiedMap` and how the fit came to it.
 
     steps: Gauss-Newton steps on the polar mesh and on the given one; losses: L_mu, L_grad_mu,
-    L_Landmark, L_CP of the coefficient field, and L_features; r: feature -> correlation after the
-    best Möbius map and after this one.
+    L_Landmark, L_CP of the coefficient field, L_features and L_area; r: feature -> correlation
+    after the best Möbius map and after this one.
     """
 
     steps: tuple
@@ -149,7 +150,7 @@ def fit_registration(
     """
     if not weights.delta > 0:
         raise LandmarkError(
-            f"delta = {weights.delta:g}: the features would take no part; give 0.1 to 1"
+            f"delta = {weights.delta:g}: the features would take no part; give {DELTA:g}"
         )
     levels = feature_levels(problem.disk) if levels is None else levels
     # Levels of landmarks alone have nothing to do where a start or features lead.

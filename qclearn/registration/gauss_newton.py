@@ -32,18 +32,18 @@ from .residuals import LandmarkTerm
 
 # A weak prior that bounds the step of the three Möbius parameters.
 MOBIUS_PRIOR = 1e-6
-# Share of the landmarks' part on the Möbius parameters that the preconditioner counts twice: else
-# Woodbury's formula loses all digits.
+# The preconditioner counts the landmarks' block on the Möbius parameters 1 + RELIEF times: without
+# this, Woodbury's formula loses all digits.
 RELIEF = 1e-3
 
-# Share of the other terms' part on them that it counts: nu undoes nearly all of a Möbius map, and
-# with the whole part, directions that do so are found last.
+# Share of the other terms' block on the Möbius parameters that it counts. A change of nu can undo
+# nearly all of a Möbius map; with the whole block, conjugate gradients find such directions last.
 MOBIUS_SHARE = 0.02
 
 # Conjugate gradients: how many steps at most (dual steps are few, unless gamma is extreme).
 STEPS = 80
 DUAL_STEPS = 200
-# Share of the objective that a step on the caller's mesh has to promise.
+# Share of the objective by which the model of a step on the caller's mesh must lower it.
 MIN_DECREASE = 1e-3
 # Share of its gain by which a dual step may miss the model's least objective.
 FORCING = 0.1

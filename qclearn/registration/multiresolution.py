@@ -52,11 +52,12 @@ class Level(NamedTuple):
     """One mesh of a fit, and its steps.
 
     rings: of the mesh of nu; sigma: the features' scale (None: landmarks alone); steps: at most;
-    own_mesh: map the surface's own mesh; min_predicted_decrease: share of the objective that a step
-    has to promise; stall_ratio: share that two may leave if another follows, inf for any; share, most:
-    of gamma; rising: raise gamma to that from FIRST_GAMMA, where nu is 0; proxy_rings: rings of a
-    polar mesh that is mapped in the own one's place, with its weights; skip_ratio: take no step
-    where the objective is at most so many times that of the level before.
+    own_mesh: map the surface's own mesh; min_predicted_decrease: share of the objective by which
+    the model of a step must lower it; stall_ratio: share of the objective that two steps may leave
+    if another is to follow, inf for any; share, most: gamma here is share times the caller's, and
+    at most `most`; rising: raise gamma to that from FIRST_GAMMA, where nu is 0; proxy_rings: rings
+    of a polar mesh that is mapped in the own one's place, with its weights; skip_ratio: take no
+    step where the objective is at most so many times that of the level before.
     """
 
     rings: int

@@ -41,7 +41,7 @@ class Weights:
     def __post_init__(self):
         rule = "alpha and gamma must be positive and finite, beta not negative"
         rules = {
-            "delta": "must be finite and not negative (0.1 to 1 is usual)",
+            "delta": "must be finite and not negative (3 by default)",
             "eta": "must be finite and not negative (0: areas are left out)",
         }
         for name, value in vars(self).items():

@@ -153,7 +153,7 @@ def register(
         check_uncertainty(features, method, sliding, weights)
     fitted, held = given_curves(moving, control, curves, features, hold_out)
     regions = check_annotations(annotations, moving, control)
-    stages = Stages(STAGES[method][features is not None], progress)
+    stages = Stages(STAGES[method][features is not None] + uncertainty, progress)
     networks = {}
     if method == "network":
         with stages("load"):
@@ -208,15 +208,16 @@ def register(
     report["units"] = relative_units(control)
     if networks:
         report["fallbacks"] = gamma_messages(networks["cpnet"], weights) + report["fallbacks"]
-    report["seconds"] = stages.report()
     report["method"] = method
     if networks and features is None:
         # JSON knows no infinity.
         report["tolerance"] = tolerance if np.isfinite(tolerance) else None
     radius = None
     if uncertainty and not stopped:
-        spread = uncertainty_of(pair, landmarks.problem, weights, fit)
-        radius, report["uncertainty"] = uncertainty_report(spread, pair)
+        with stages("uncertainty"):
+            spread = uncertainty_of(pair, landmarks.problem, weights, fit)
+            radius, report["uncertainty"] = uncertainty_report(spread, pair)
+    report["seconds"] = stages.report()
     here = pair.moving.disk
     there = pair.control.disk
     return Registration(
@@ -304,7 +305,7 @@ def check_delta(delta, features, usual=BY_DISKS):
         return 0.0
     if delta == 0:
         raise LandmarkError(
-            "delta = 0: the features would take no part; give 0.1 to 1, or features=None"
+            "delta = 0: the features would take no part; leave delta out, or give features=None"
         )
     return delta
 

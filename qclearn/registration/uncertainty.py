@@ -30,8 +30,8 @@ STIFFER = 10.0  # times beta: the second fit
 BLUR = 8.0  # mm over which what is local is averaged
 NEAR_MM = 0.05  # added to the distance of both fits before its log
 # Powers of the posterior's spread, of the distance of the stiffer fit, both in mm, and of the local
-# mismatch. Scaling the powers of one row together keeps the order of the radii: the scale makes
-# coverage even on the pairs that calibrate.
+# mismatch. A common factor on the powers of one row keeps the order of the radii; it was chosen so
+# that coverage is even over small and large radii on the pairs that calibrate.
 BY_FOLDS = (2 / 3, 1 / 3, 1 / 8)
 BY_LANDMARKS = (0.48, 0.0, 0.24)
 # Times that a weight may be off the calibrated one.

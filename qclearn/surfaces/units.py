@@ -3,8 +3,8 @@
 import numpy as np
 
 UNITS = {"mm": 1.0, "m": 1e3, "um": 1e-3}  # in mm
-# Lengths of hemispheres in mm, from small monkeys' to people's inflated; none has these in cm. In
-# the other units from a third of the shortest to three times a person's.
+# Lengths of hemispheres in mm, from a small monkey's to a person's inflated one. In centimetres no
+# hemisphere is so long. Other units allow a third of the shortest to three times a person's.
 IN_MM = 40.0, 300.0
 IN_OTHERS = 40 / 3, 3 * 230.0
 TYPICAL = 165.0  # mm
