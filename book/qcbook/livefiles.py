@@ -51,7 +51,7 @@ def cpnet_file(network):
     """CP-Net `best` with its tables. The browser carries nu on the network's own mesh, however
     close landmarks are."""
     config, born = network.config, network.born
-    sizes = {name: getattr(config, name) for name in ("rings", "spokes", "looks", "most", "smooth", "match")}
+    sizes = {name: getattr(config, name) for name in ("rings", "spokes", "looks", "most", "smooth", "match", "stiff")}
     spectrum, _ = network.carrier(config.rings)
     tables = {
         "one": born.one.conj().resolve_conj().numpy(),

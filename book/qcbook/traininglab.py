@@ -34,7 +34,7 @@ def curves_figure(lesson):
         ax.set_xlabel("step")
         ax.set_title(title, fontsize=10)
     if lesson.least > 0:
-        axes[1].axhline(lesson.least, color="#D55E00", linestyle="--", label="exact fit")
+        axes[1].axhline(lesson.least, color="#D55E00", linestyle="--", label="reference fit")
         axes[1].legend(frameon=False)
     return figure
 
@@ -45,7 +45,7 @@ def answer_of(lesson):
 
 
 def landmarks_answer(lesson):
-    """The network's coefficient through the exact solver beside the exact fit, drawn and measured."""
+    """The network's coefficient through the exact solver beside the reference fit, drawn and measured."""
 
     def trained(problem, *_):
         return exact_map(problem, lesson.answer(problem.moving))
@@ -53,7 +53,7 @@ def landmarks_answer(lesson):
     example, given = Example("an unseen example", lesson.problem), lesson.weights
     weights = given.alpha, given.beta, given.gamma
     exact, answer = fit_state(example, weights), fit_state(example, weights, solver=trained)
-    states = {"exact fit": exact, "CP-Net in training": answer}
+    states = {"reference fit": exact, "CP-Net in training": answer}
     return states_figure(example, states), sentences(states)
 
 
@@ -196,7 +196,7 @@ class LabPicture:
         picture, words = answer_of(self.lesson)
         waits = html.escape(WAITS.format(seconds=self.seconds))
         curves = image(curves_figure(self.lesson), "The loss and an unseen example over the steps of a short run.")
-        answer = "Landmarks, grid and coefficient of the exact fit above, of the trained network below."
+        answer = "Landmarks, grid and coefficient of the reference fit above, of the trained network below."
         return f"<p>{waits}</p>{curves}{image(picture, answer)}{words}"
 
 

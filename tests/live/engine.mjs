@@ -71,6 +71,10 @@ const tasks = {
       found.push(toPairs(await net.run(fromPairs(moving), fromPairs(target), weights, looks)));
     return found;
   },
+  async stiff() {
+    const { CPNet } = await load("cpnet.js"), net = await network(CPNet);
+    return given.weights.map((weights) => net.isStiff(weights));
+  },
   async dbsnet() {
     const { DBSNet } = await load("dbsnet.js"), net = await network(DBSNet);
     return given.coefficients.map((mu) => toPairs(net.run(fromPairs(mu))));

@@ -10,6 +10,7 @@ from reference import MODULES, numbers, pairs, run_engine
 
 from qcbook.examples import example_problems
 from qcbook.livefiles import cpnet_file, dbsnet_file
+from qclearn.nets.cpnet import BestCPNetConfig
 from qclearn.nets.weights import load
 from qclearn.plane.coefficients import bounded
 from qclearn.registration.problem import Problem, Weights
@@ -60,6 +61,14 @@ def test_cpnet_is_the_librarys(found, one_thread):
         *_, mu = network.stages(problem, weights, one["looks"])
         there = bounded(mesh.to_faces @ numbers(answer))
         assert abs(there - mu).max() < 1e-3 * abs(mu).max()
+
+
+def test_both_leave_the_network_out_at_the_same_weights(found):
+    _, file = found
+    asked = [Weights(1.0, beta, ratio * beta) for beta in (1e-4, 1e-2, 1.0) for ratio in (1e3, 9e5, 1.1e6, 1e8)]
+    answer = run_engine("stiff", file=str(file), weights=[{"beta": w.beta, "gamma": w.gamma} for w in asked])
+    limit = BestCPNetConfig().stiff
+    assert answer == [w.gamma >= limit * w.beta for w in asked] and len(set(answer)) == 2
 
 
 def test_dbsnet_is_torchs(tmp_path, one_thread):

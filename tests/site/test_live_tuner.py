@@ -111,6 +111,11 @@ class TestOnTheSite(OnTheSite):
         words, _ = self.said(window, site_address, "CP-Net: no map", missing="cpnet.bin")
         assert "reference fit: landmark error" in words
 
+    def test_where_the_library_uses_no_network_none_is_shown(self, window, site_address):
+        words, _ = self.said(window, site_address, "CP-Net: no map", {"gamma": 1e5})
+        assert "the network is not used where γ is 1,000,000 times β or more" in words
+        assert "L_CP of CP-Net" not in words and "L_CP of harmonic map" in words
+
     def test_the_file_that_is_missing_is_named(self, window, site_address):
         words, _ = self.said(window, site_address, "CP-Net: no map", missing="layers.wasm")
         assert "layers.wasm" in words and "cpnet.bin" not in words
@@ -136,7 +141,7 @@ class TestOnTheSite(OnTheSite):
 class TestInJupyterLab(InJupyterLab):
     # Each fit stops by a rule of its own.
     name, live, ready, gap = "tuner", "Tuner()", READY, 1e-2
-    sets = {"problem": "twist", "alpha": 10.0, "gamma": 1e4}  # noqa: RUF012
+    sets = {"problem": "twist", "alpha": 10.0, "gamma": 5e3}  # noqa: RUF012
 
     def test_the_map_is_pythons(self, shown):
         shown.tab.until("tuner.map.shape == (1729,) and abs(tuner.map).max() < 1 + 1e-9")

@@ -26,6 +26,11 @@ export class CPNet {
     return looks ? new Looks(this.link(mesh), p, q, ...ratios).run(start, looks, stale) : start;
   }
 
+  // whether the weights are so stiff that the library begins at the Born step, without the U-Net
+  isStiff({ beta, gamma }) {
+    return gamma >= this.config.stiff * beta;
+  }
+
   // the mesh that is mapped beside the network's own; the last one is kept
   link(mesh) {
     if (mesh === this.mesh) return this.own;

@@ -163,7 +163,7 @@ export default {
       `Registered landmarks are ${round(mm)} mm from their targets on the control surface, on average, straight through space; ` +
       `after the best Möbius map alone ${round(mmBefore)} mm. Worst is the ${worst.name} with ${round(worst.mm)} mm. ` +
       `Mean |μ| ${short(exact.mean)}, largest ${short(exact.largest)}, L_CP ${short(exact.L_CP)}; ${certificate}. ` +
-      `Exact fit on this mesh of ${asked.mesh.join(" x ")}, ${exact.ms.toFixed(0)} ms.` +
+      `Reference fit on this mesh of ${asked.mesh.join(" x ")}, ${exact.ms.toFixed(0)} ms.` +
       (state.sure ? ` ${radiusWords(surfaces.get(state.problem))}` : "")
     );
   },

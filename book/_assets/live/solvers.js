@@ -75,6 +75,8 @@ async function pass(bench, mesh, request, stale) {
     begin = performance.now();
   if (problem.count > net.config.most)
     return { missing: `${problem.count} landmarks, and CP-Net takes at most ${net.config.most}` };
+  if (net.isStiff(request))
+    return { missing: `the network is not used where γ is ${net.config.stiff.toLocaleString("en")} times β or more` };
   const nu = await net.run(problem.p, problem.q, request, request.looks, mesh, stale);
   if (!nu) return null;
   const solution = (mesh.map ??= new DiskMap(mesh));
