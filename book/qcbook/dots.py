@@ -8,7 +8,7 @@ COLOURS = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00"
 FAMILIES = {
     "harmonic": ("#D55E00", "s", "harmonic maps"),
     "Gauss-Newton": ("#0072B2", "o", "Gauss-Newton fits"),
-    "paper's networks": ("#CC79A7", "v", "the paper's networks, mended"),
+    "paper's networks": ("#CC79A7", "v", "the paper's networks, corrected"),
     "CP-Net": ("#009E73", "^", "CP-Net and what follows it"),
     "": ("0.35", "D", "others"),
 }

@@ -65,7 +65,7 @@ class Lesson:
 
 
 class CPLesson(Lesson):
-    """The paper's CP-Net, mended and small: 24 landmarks on three curves in, nu on a square out;
+    """The paper's CP-Net, corrected and small: 24 landmarks on three curves in, nu on a square out;
     `L_CP` of its map.
 
     The control's curves are fixed; subjects are the same curves bent by a random twist about a
@@ -131,7 +131,7 @@ class CPLesson(Lesson):
 
 
 class DBSLesson(Lesson):
-    """The paper's DBS-Net, mended and small: mu on 16 x 16 pixels of the square in, a map of its
+    """The paper's DBS-Net, corrected and small: mu on 16 x 16 pixels of the square in, a map of its
     mesh out; `L_DBSNet`.
 
     equation: a name of `EQUATIONS`; rho: the weight of the boundary's term. Coefficients are drawn

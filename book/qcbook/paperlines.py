@@ -19,7 +19,7 @@ KINDS = ("equation", "figure", "table", "contribution", "claim", "erratum")
 PROVED = ("def-", "lem-", "prop-", "thm-", "rem-")  # how labels of theorems and their kin begin
 BOUNDS = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
 VERDICTS = {
-    *("right", "right, mended", "wrong as printed", "undecided", "overstated", "made", "made otherwise", "not made"),
+    *("right", "right, corrected", "wrong as printed", "undecided", "overstated", "made", "made otherwise", "not made"),
     *("holds", "holds here", "does not hold here", "holds for one control", "a slip", "changes results"),
     *("the saving holds", "the saving does not hold"),
     *("agrees", "agrees in direction only", "turned round", "not settled"),

@@ -1,4 +1,4 @@
-"""Measure the shipped networks against their exact twins.
+"""Measure the shipped networks against their exact counterparts.
 
     python -m book.studies.evaluate_networks --out qclearn/benchmark/results/networks.json
 

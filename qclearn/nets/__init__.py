@@ -1,4 +1,4 @@
-"""The paper's three networks, each behind the same call as its exact twin."""
+"""The paper's three networks, each behind the same call as its exact counterpart."""
 
 import lazy_loader as lazy
 

@@ -1,4 +1,4 @@
-"""The square's exact twin: maps of images mu by a polar solver, at the square's vertices."""
+"""The square's exact counterpart: maps of images mu by a polar solver, at the square's vertices."""
 
 import numpy as np
 import torch

@@ -279,7 +279,7 @@ def folding_solve(z, faces, mu):
 
 @pytest.fixture
 def networks(monkeypatch):
-    """Puts stand-ins in the networks' places; the exact twin where none is named."""
+    """Puts stand-ins in the networks' places; the exact counterpart where none is named."""
 
     def install(detect=detect_curves, predict=exact_predict, solve=solve_beltrami_disk, most=np.inf):
         blocks = SimpleNamespace(
