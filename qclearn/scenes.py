@@ -25,7 +25,7 @@ SHADES = LinearSegmentedColormap.from_list("shades", ["0.38", "1.0"])
 LIFT = 0.6  # of tubes in 3-D above the surface, in their radius
 # Styles stand in the elements: JupyterLab knows no style sheet of the book.
 FRAME = 'class="scene" width="100%" style="border:0"'
-POSTER = "position:relative;display:block;width:100%;padding:0;border:0;background:white;"
+POSTER = "position:relative;display:block;width:100%;padding:0;border:0;background:none;"
 POSTER += "cursor:pointer"
 CAPTION = (
     "position:absolute;left:50%;bottom:16px;transform:translateX(-50%);padding:5px "
@@ -142,7 +142,9 @@ def _png(plotter):
     from PIL import Image
 
     buffer = io.BytesIO()
-    Image.fromarray(plotter.screenshot(return_img=True)).save(buffer, "PNG")
+    Image.fromarray(plotter.screenshot(transparent_background=True, return_img=True)).save(
+        buffer, "PNG"
+    )
     return buffer.getvalue()
 
 

@@ -44,7 +44,7 @@ class View:
         self.plotter = surface_scene(shape, **more)
         self.plotter.off_screen, self.plotter.window_size = True, SIZE
         self.plotter.camera.zoom(1.6)
-        self.picture = Image.fromarray(self.plotter.screenshot(return_img=True))
+        self.picture = Image.fromarray(self.plotter.screenshot(transparent_background=True, return_img=True))
         outline = np.array(pixels(self.plotter, shape.vertices))
         self.box = [*(outline.min(0) - 10).round(), *(np.ptp(outline, axis=0) + 20).round()]
 
@@ -90,7 +90,7 @@ class Gliding:
         self.words, r = words, registration
         view = View(r.disk_control, shape, **more)
         buffer = io.BytesIO()
-        view.picture.save(buffer, "JPEG", quality=88)
+        view.picture.save(buffer, "WEBP", quality=88)
         self.picture, self.box = base64.b64encode(buffer.getvalue()).decode(), view.box
         self.lines = []
         for colour, curves, moves in groups:
@@ -106,8 +106,8 @@ class Gliding:
         box, (width, height), end = " ".join(f"{x:g}" for x in self.box), SIZE, 1 + SECONDS
         return f"""<figure class="gliding" style="margin:0;max-width:36rem">
 <svg viewBox="{box}" role="img" aria-label="{html.escape(self.words)}"
-style="width:100%;background:white;border-radius:0.4rem">
-<image width="{width}" height="{height}" href="data:image/jpeg;base64,{self.picture}"/>
+style="width:100%">
+<image width="{width}" height="{height}" href="data:image/webp;base64,{self.picture}"/>
 <set attributeName="class" to="glided" begin="1s" dur="{SECONDS}s" onend="{ENDS}"/>
 <g fill="none" stroke-width="5" stroke-linejoin="round" style="filter:drop-shadow(0 0 2px black)">{lines}</g></svg>
 <label style="display:flex;gap:0.8em;align-items:center;white-space:nowrap"><span>Möbius map</span>
