@@ -6,11 +6,14 @@ import shutil
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 SITE = ROOT / "_build" / "html"
 EXECUTED = ROOT / "build" / "book"
 COPIES = ROOT / "build" / "lab"
+# Of pages that went into another one: what is built there only leads on.
+REDIRECTS = yaml.safe_load((ROOT / "_config.yml").read_text(encoding="utf-8"))["sphinx"]["config"]["redirects"]
 FLAGS = [
     "--no-sandbox",
     "--disable-gpu",

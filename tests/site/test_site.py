@@ -5,7 +5,7 @@ import html
 import re
 
 import pytest
-from places import ROOT, SITE
+from places import REDIRECTS, ROOT, SITE
 
 from book.builder import core, costs, references
 from book.builder.execute_pages import SOURCE
@@ -23,6 +23,12 @@ def test_every_page_of_the_contents_is_built():
 
 def test_every_notebook_is_in_the_contents():
     assert {path.stem for path in (ROOT / "book").glob("*.ipynb")} <= set(references.chapters())
+
+
+def test_the_address_of_a_page_that_went_into_another_leads_there():
+    for old, target in REDIRECTS.items():
+        assert (SITE / target).exists()
+        assert f'"{target}"' in (SITE / f"{old}.html").read_text(encoding="utf-8")
 
 
 def test_no_page_takes_more_memory_than_a_student_has():

@@ -5,9 +5,9 @@ from . import parts
 TITLE = "A loss that overlooks stripes"
 PAGE, MINUTES, POINTS = "cpnet", 20, 3
 TASK = r"""
-The section *What a loss does not see* tells of a network that had found out how to change $\mu$ from pixel to pixel
-and pay nothing. Compute for an image what its loss saw, and what it should have counted. Given is `mu`, complex $(n,
-n)$, an image of the square $[-1, 1]^2$; the pixels have the side $h = 2/n$. Return two numbers, in a tuple or an
+The section *A smaller loss can hide stripes* tells of a network that had found out how to change $\mu$ from pixel to
+pixel and pay nothing. Compute for an image what its loss saw, and what it should have counted. Given is `mu`, complex
+$(n, n)$, an image of the square $[-1, 1]^2$; the pixels have the side $h = 2/n$. Return two numbers, in a tuple or an
 array,
 
 - *seen*: average $\mu$ to the corners between pixels, $(n - 1, n - 1)$, each the mean of the four pixels that it

@@ -6,7 +6,7 @@ TITLE = "What a pixel is worth"
 PAGE, MINUTES, POINTS = "dbsnet", 25, 3
 TASK = r"""
 The paper's networks work on images of the square $[-1, 1]^2$, to which the disk is carried by
-$z \mapsto z / \max(|\cos t|, |\sin t|)$, $t = \arg z$, in the section *As printed*. But the disk is not the
+$z \mapsto z / \max(|\cos t|, |\sin t|)$, $t = \arg z$, in the section *The network as printed*. But the disk is not the
 square: the table of what was changed has a mean over the *area of the disk* in CP-Net's loss. Take such a mean
 from an image. Given is `mu`, complex $(n, n)$, with the centres of the pixels at $(2k + 1)/n - 1$ in either
 coordinate, for $k = 0, \dots, n - 1$. Return the mean of $|\mu|^2$ over the disk, a number.
