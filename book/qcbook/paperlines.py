@@ -108,7 +108,7 @@ def placed(line):
     parts = [link(words, page, label)] if page else []
     parts += [f"`{line[key]}`" for key in ("function", "test") if line[key]]
     numbers = [] if line["erratum"] == "none" else line["erratum"].split(", ")
-    parts += [link(number, "errata", f"erratum-{number[1:]}") for number in numbers]
+    parts += [link(number, "linebyline", f"erratum-{number[1:]}") for number in numbers]
     return "<br>".join([*parts, *([line["reason"]] if "reason" in line else [])])
 
 

@@ -135,7 +135,7 @@ def test_the_page_on_notation_has_every_symbol_of_three_pages():
     assert missing == {}, "put them into the first column of a table there"
 
 
-QUOTING = {"lbs", "dbsnet", "errata", "linebyline", "notation"}  # pages with formulas of the paper, in its letters
+QUOTING = {"lbs", "dbsnet", "linebyline", "notation"}  # pages with formulas of the paper, in its letters
 FORMULA = re.compile(r"\$\$.*?\$\$|(?<!\\)\$[^$\n]+\$", re.DOTALL)
 NAMES = re.compile(r"\\(?:operatorname|mathrm|text|math\w+|begin|end)\s*(?:\{[^}]*\}|\w)|\\[a-zA-Z]+")
 INDEX = re.compile(r"_\s*(?:\{[^}]*\}|\w)")

@@ -285,9 +285,7 @@ def test_what_is_left_of_the_saving_is_said_as_the_sweep_says_it():
         f"At {count:,} vertices the saving of the networks' passes alone {passes}, and that of their map as it comes, "
     )
     words += f"resampled to the mesh, {comes}. Checked and corrected it {checked}, and for the whole chain it {whole}."
-    assert words in " ".join((ROOT / "book/errata.md").read_text(encoding="utf-8").split()), (
-        f"the sweep says so: {words}"
-    )
+    assert words in " ".join(markdown_of("linebyline").split()), f"the sweep says so: {words}"
 
 
 @pytest.mark.parametrize(

@@ -49,5 +49,5 @@ def test_the_tiles_are_the_core_path_in_its_order():
 
 
 def test_the_errata_are_numbered():
-    numbers = re.findall(r"^\(erratum-(\d+)\)=$", text_of(BOOK / "errata.md"), re.MULTILINE)
+    numbers = re.findall(r"^\(erratum-(\d+)\)=$", text_of(BOOK / "linebyline.ipynb"), re.MULTILINE)
     assert numbers == [str(n + 1) for n in range(len(numbers))]

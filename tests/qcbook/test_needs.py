@@ -9,7 +9,7 @@ from qcbook.needs import needs, needs_figure, steps_to
 def test_each_page_is_listed_and_comes_after_what_it_needs():
     order = [page for page in chapters() if page in needs()]
     assert set(order) == set(needs())
-    beside = {"index", "notation", "teaching", "projects", "hub", "related", "relatedtools", "errata", "datasheet"}
+    beside = {"index", "notation", "teaching", "projects", "hub", "related", "relatedtools", "datasheet"}
     beside |= {"installation", "commandline", "files", "api"}
     assert set(chapters()) - set(order) == beside | {"glossary", "bibliography"}
     early = [(page, one) for page, many in needs().items() for one in many if order.index(one) > order.index(page)]

@@ -12,7 +12,7 @@ from places import EXECUTED, SITE
 
 # Two workers of xdist share the tests in JupyterLab, pages and widgets: each starts one server.
 pytestmark = pytest.mark.xdist_group("pages in JupyterLab")
-READ = ["index", "lbs", "errata", "teaching"]  # between them figures, scenes, explorables, tables, theorems, boxes
+READ = ["index", "lbs", "notation", "teaching"]  # between them figures, scenes, explorables, tables, theorems, boxes
 RUN = ["lbs", "fourier"]
 CLOCK = re.compile(r"second|_ms|time")  # numbers that differ from run to run
 NUMBER = re.compile(r'<span class="computed">(.*?)</span>', re.DOTALL)

@@ -30,7 +30,7 @@ PLANTED = {
 
 @pytest.fixture(scope="module", params=[WIDE, NARROW])
 def plain_view(request, window, site_address):
-    view = View(window, site_address, "errata.html", request.param)
+    view = View(window, site_address, "glossary.html", request.param)
     yield view
     view.page.close()
 
@@ -45,7 +45,7 @@ def test_a_planted_fault_is_found(plain_view, planted):
 
 
 def test_every_complaint_is_heard(window, site_address):
-    view = View(window, site_address, "errata.html")
+    view = View(window, site_address, "glossary.html")
     for kind in ("warn", "error", "log"):
         view.page.evaluate("kind => console[kind](`of ${kind}`)", kind)
     view.page.evaluate("() => void console.error('strict mode: an error')")

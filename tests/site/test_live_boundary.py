@@ -10,7 +10,7 @@ TO = "(e, value) => { e.value = value; e.dispatchEvent(new Event('change')); }"
 
 
 class TestOnTheSite(OnTheSite):
-    page, name, slider = "collapse.html", "boundary", "strength"
+    page, name, slider = "certificate.html", "boundary", "strength"
 
     def test_for_no_coefficient_the_measure_is_the_poisson_kernel(self, shown):
         shown.reset()

@@ -6,7 +6,7 @@ from qclearn.plane import Disk
 from . import shaped
 
 TITLE = "What must vanish at a free boundary"
-PAGE, MINUTES, POINTS = "collapse", 20, 3
+PAGE, MINUTES, POINTS = "certificate", 20, 3
 TASK = r"""
 The printed loss asks that all rows $(Kf)_i$ vanish, and it is smallest for a collapsed map, [E6](#erratum-6). What
 vanishes at the right map is the gradient of energy minus area: [the residual](#eq-fb-residual) $R$ of the section

@@ -3,7 +3,7 @@ import numpy as np
 from . import parts
 
 TITLE = "A rule before the number"
-PAGE, MINUTES, POINTS = "fronts", 20, 3
+PAGE, MINUTES, POINTS = "benchmark", 20, 3
 TASK = r"""
 The section *Fronts, subject by subject* compares two methods on the same subjects by the ratio of their errors.
 The rule was written before the numbers. Write both. Given are the errors `ours` and `theirs`, $(n,)$ each, subject
