@@ -12,7 +12,7 @@ from qclearn.cli import main
     [
         ("qclearn.exercises", "qcbook.exercises"),
         ("qclearn.exercises.grading", "qcbook.exercises"),
-        ("qclearn.pages", "qcbook, plots and scenes are qclearn.plot and qclearn.scenes"),
+        ("qclearn.pages", "qcbook, plots and scenes are qclearn.plot and qcbook.scenes"),
         ("qclearn.methods.harmonic", "qclearn.benchmark.methods"),
         ("qclearn.files.meshes", "qclearn.io"),
     ],

@@ -8,6 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from meshes import bowl
+from qcbook.scenes import registration_scene, stacked_scene, surface_picture, surface_scene
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.mobius import mobius
@@ -25,7 +26,6 @@ from qclearn.plot import (
     square_lines,
 )
 from qclearn.registration.register import register
-from qclearn.scenes import registration_scene, stacked_scene, surface_picture, surface_scene
 from qclearn.surfaces.surface import Surface
 
 

@@ -17,8 +17,8 @@ import pyvista as pv
 from matplotlib.colors import LinearSegmentedColormap
 from scipy.spatial import cKDTree
 
-from .plane.disk import Disk
-from .plot import CURVE_STYLES, map_curves, picture_html
+from qclearn.plane.disk import Disk
+from qclearn.plot import CURVE_STYLES, map_curves, picture_html
 
 # Lit from one side, black to white is too dark.
 SHADES = LinearSegmentedColormap.from_list("shades", ["0.38", "1.0"])
@@ -105,9 +105,7 @@ class Scene:
         if self.picture is None:
             return f'<iframe {frame} srcdoc="{page}"></iframe>'
         picture = picture_html(self.picture, self.description, ' style="width:100%"')
-        load = (
-            "const f=this.nextElementSibling;f.srcdoc=f.dataset.page;f.hidden=false;this.remove()"
-        )
+        load = "const f=this.nextElementSibling;f.srcdoc=f.dataset.page;f.hidden=false;this.remove()"
         return (
             f'<button class="scene-poster" type="button" style="{POSTER}" onclick="{load}">'
             f'{picture}<span style="{CAPTION}">turn it in 3-D</span></button>'
