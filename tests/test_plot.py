@@ -8,6 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from meshes import bowl
+from qcbook.figures import ellipse_field, grid_plot, square_lines
 from qcbook.scenes import registration_scene, stacked_scene, surface_picture, surface_scene
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk, square_disk
@@ -17,13 +18,10 @@ from qclearn.plot import (
     curves_plot,
     disk_plot,
     drawn_part,
-    ellipse_field,
-    grid_plot,
     map_curves,
     mu_histogram,
     polar_lines,
     registration_figure,
-    square_lines,
 )
 from qclearn.registration.register import register
 from qclearn.surfaces.surface import Surface

@@ -17,8 +17,9 @@ import pyvista as pv
 from matplotlib.colors import LinearSegmentedColormap
 from scipy.spatial import cKDTree
 
+from qcbook.figures import picture_html
 from qclearn.plane.disk import Disk
-from qclearn.plot import CURVE_STYLES, map_curves, picture_html
+from qclearn.plot import CURVE_STYLES, map_curves
 
 # Lit from one side, black to white is too dark.
 SHADES = LinearSegmentedColormap.from_list("shades", ["0.38", "1.0"])
