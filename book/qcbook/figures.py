@@ -1,5 +1,5 @@
-"""Figures of the pages: deformed grids, fields of ellipses, a registration on four disks, pictures
-with their descriptions."""
+"""Figures of the pages: deformed grids, fields of ellipses, a registration on four disks, pixels,
+pictures with their descriptions."""
 
 import base64
 import html
@@ -10,7 +10,7 @@ from matplotlib.collections import EllipseCollection
 from qclearn.plane import Disk
 from qclearn.plane.disk import pairs
 from qclearn.plot import curve_legend, curves_plot, disk_axes, disk_plot, lines_plot, map_curves, polar_lines
-from qclearn.surfaces.curvature import area_radius, grey_levels, mean_curvature
+from qclearn.surfaces.curvature import area_radius, grey_levels, mean_curvature, parts_of_faces
 
 FLIPPED_COLOUR = "#CC79A7"
 
@@ -70,3 +70,17 @@ def picture_html(png, description, attributes=""):
     """PNG bytes as an element with a description."""
     data = base64.b64encode(png).decode()
     return f'<img alt="{html.escape(description)}" src="data:image/png;base64,{data}"{attributes}>'
+
+
+def area_under_pixels(surface, z, radius, size=128):
+    """Area of the surface under each pixel of its image, (size, size): each 64th of a face where
+    its centroid falls."""
+    points, areas = parts_of_faces(surface, z, 8)
+    w = radius.to_image(points)
+    edges = np.linspace(-1, 1, size + 1)
+    return np.histogram2d(w.imag, w.real, [edges, edges], weights=areas)[0]
+
+
+def resolved_share(pixel_areas, largest=25.0):
+    """Share of the area that lies under pixels which cover at most `largest` (25 mm^2) each."""
+    return float(pixel_areas[pixel_areas <= largest].sum() / pixel_areas.sum())

@@ -185,7 +185,8 @@ def area_radius(surface, z, knots=65):
     A conformal map crowds most of a cortex into a small part of its disk (half of the area within r
     < 0.24 on one hemisphere); equal areas of this image carry equal cortical area, ring by ring.
     """
-    points, areas = _samples(surface, z, 4 if len(z) <= LARGE else 1)  # many faces need no parts
+    m = 4 if len(z) <= LARGE else 1  # many faces need no parts
+    points, areas = parts_of_faces(surface, z, m)
     size = abs(points)
     order = np.argsort(size)
     share = np.cumsum(areas[order])
@@ -194,7 +195,7 @@ def area_radius(surface, z, knots=65):
     return AreaRadius(np.concatenate([[0.0], disk, [1.0]]), image)
 
 
-def _samples(surface, z, m):
+def parts_of_faces(surface, z, m):
     """Centroids in z of the m^2 equal parts of each face, complex (m^2 F,), and their areas on the
     surface."""
     points = z[surface.faces] @ middles(m).T
@@ -235,17 +236,3 @@ def grey_levels(values, areas, tail=0.02):
     if not high > low:
         return np.full(len(values), 127.5)
     return 255 * np.clip((values - low) / (high - low), 0, 1)
-
-
-def area_under_pixels(surface, z, radius, size=128):
-    """Area of the surface under each pixel of its image, (size, size): each 64th of a face where
-    its centroid falls."""
-    points, areas = _samples(surface, z, 8)
-    w = radius.to_image(points)
-    edges = np.linspace(-1, 1, size + 1)
-    return np.histogram2d(w.imag, w.real, [edges, edges], weights=areas)[0]
-
-
-def resolved_share(pixel_areas, largest=25.0):
-    """Share of the area that lies under pixels which cover at most `largest` (25 mm^2) each."""
-    return float(pixel_areas[pixel_areas <= largest].sum() / pixel_areas.sum())
