@@ -12,11 +12,12 @@ from itertools import combinations
 
 import numpy as np
 
+from ..plane.linear import face_areas
 from ..plane.mobius import nearest_mobius
 from ..surfaces.surface import SurfaceError
 from ..surfaces.units import size_of
 from .features import FOLDS, SCALE, align_by_features, check_features, closing_fan, featured
-from .metrics import face_areas, mean_rows
+from .metrics import mean_rows
 
 LIMITS = {
     "error_mm": 3.0,  # mean landmark error, mm, together with the next; 0.05 to 4.1 | 0.3 to 64
