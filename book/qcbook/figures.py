@@ -27,7 +27,7 @@ def grid_plot(ax, z, faces, f, lines=None, color="#1F4E79"):
     return lines_plot(disk_axes(ax), map_curves(Disk(z, faces), f, lines or polar_lines()), color)
 
 
-def ellipse_field(ax, z, mu, size=0.08, color="#0072B2"):
+def ellipse_field(ax, z, mu, size):
     """Draw the images of small circles at z (K,) under a map with mu (K,), up to f_z.
 
     `dz + mu conj(dz)`: long axis of length `size` at the angle `arg(mu) / 2`, axes' ratio `(1 +
@@ -38,10 +38,10 @@ def ellipse_field(ax, z, mu, size=0.08, color="#0072B2"):
     place = {"units": "xy", "offsets": pairs(z), "offset_transform": ax.transData}
     turns = np.degrees(np.angle(mu) / 2)
     sizes = np.full(len(z), size), short, turns
-    return ax.add_collection(EllipseCollection(*sizes, facecolors=color, alpha=0.75, **place))
+    return ax.add_collection(EllipseCollection(*sizes, facecolors="#0072B2", alpha=0.75, **place))
 
 
-def registration_disks(axes, registration, moving, vmax=0.6):
+def registration_disks(axes, registration, moving):
     """One `Registration` on four Axes: best Möbius map, registered, the deformed grid, |mu|.
 
     Equal parts of a picture have equal moving area. Returns the coloured artist of |mu|.
@@ -63,7 +63,7 @@ def registration_disks(axes, registration, moving, vmax=0.6):
     lines_plot(disk_axes(axes[2]), mapped[len(curves) :], "#1F4E79")
     axes[2].set_title("polar grid after the map")
     axes[3].set_title(r"$|\mu|$")
-    return disk_plot(axes[3], before, moving.faces, abs(r.mu), vmin=0, vmax=vmax)
+    return disk_plot(axes[3], before, moving.faces, abs(r.mu), vmin=0, vmax=0.6)
 
 
 def picture_html(png, description, attributes=""):

@@ -19,6 +19,8 @@ from .surface import Surface, SurfaceError
 # In units of sqrt(area of the convex hull): the radius of the ball that closes the sulci, and the
 # side of a voxel.
 CLOSING_RADIUS, CLOSING_CELL = 0.05, 1 / 130
+KNOTS = 65  # of an `AreaRadius`
+TAIL = 0.02  # share of the area that is lighter or darker than an image shows
 
 
 def _once(function):
@@ -179,7 +181,7 @@ def _scale_radius(z, radius, new_radius):
     return z * np.divide(new_size, size, out=np.zeros(z.shape), where=size > 0)
 
 
-def area_radius(surface, z, knots=65):
+def area_radius(surface, z):
     """The `AreaRadius` with `r_image^2` = share of the surface's area within |z| <= r.
 
     A conformal map crowds most of a cortex into a small part of its disk (half of the area within r
@@ -190,7 +192,7 @@ def area_radius(surface, z, knots=65):
     size = abs(points)
     order = np.argsort(size)
     share = np.cumsum(areas[order])
-    image = np.linspace(0, 1, knots)
+    image = np.linspace(0, 1, KNOTS)
     disk = np.interp(image[1:-1] ** 2, share / share[-1], size[order])
     return AreaRadius(np.concatenate([[0.0], disk, [1.0]]), image)
 
@@ -227,12 +229,12 @@ def curvature_image(
     return image, radius
 
 
-def grey_levels(values, areas, tail=0.02):
-    """Values (V,) scaled to [0, 255], the lowest and highest `tail` of the area clipped; a constant
+def grey_levels(values, areas):
+    """Values (V,) scaled to [0, 255], the lowest and highest TAIL of the area clipped; a constant
     to 127.5."""
     order = np.argsort(values)
     share = (np.cumsum(areas[order]) - 0.5 * areas[order]) / np.sum(areas)
-    low, high = np.interp([tail, 1 - tail], share, values[order])
+    low, high = np.interp([TAIL, 1 - TAIL], share, values[order])
     if not high > low:
         return np.full(len(values), 127.5)
     return 255 * np.clip((values - low) / (high - low), 0, 1)
