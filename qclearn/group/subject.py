@@ -147,7 +147,7 @@ def mirrored_gain(moving, control):
 
 def inverse(subject, f, points):
     """The inverse (N,) of a subject's disk map f (V,) at points (N,) of the mean's disk."""
-    return subject.disk.interpolate(subject.disk.z, subject.disk.at(f).locate(points))
+    return subject.disk.at(f).values_at(points, subject.disk.z)
 
 
 def carried(subject, f, points, mean):
@@ -164,7 +164,7 @@ def carried(subject, f, points, mean):
 
 def composed(subject, f, mean, centre):
     """f (V,) followed by centre (N,), repaired where that folds: (map, is bijective, inverse)."""
-    f = repair_folds(subject.surface, mean.disk.interpolate(centre, mean.disk.locate(f))).z
+    f = repair_folds(subject.surface, mean.disk.values_at(f, centre)).z
     return f, subject.disk.certify(f).bijective, inverse(subject, f, mean.disk.z)
 
 

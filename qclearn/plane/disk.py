@@ -154,6 +154,10 @@ class Disk:
         face, weights = places
         return np.einsum("pk,pk...->p...", weights, np.asarray(values)[self.faces[face]])
 
+    def values_at(self, points, values):
+        """Values (V, ...) of the vertices at points (P,), linear in each face."""
+        return self.interpolate(values, self.locate(points))
+
     def stiffness(self, mu: PerFace) -> Float[sparse.csc_array, " V V"]:
         """`K(mu)_ij = sum_T |T| grad phi_i . A(mu_T) grad phi_j`, semi-definite; |mu| < 1."""
         mu = check_coefficient(mu, len(self.faces))

@@ -116,16 +116,11 @@ class FinishedRegistration:
         curvature = self.moving.features.at(FINEST)[:, 0]
         # All maps live on the moving mesh: read them where the control's vertices lie.
         z = self.control.disk.z
-        before = interpolated(curvature[:, None], self.moving.disk, z)[:, 0]
+        before = self.moving.disk.values_at(z, curvature[:, None])[:, 0]
         values = np.stack([curvature, mu, np.log2(ratio)], axis=1)
         registered = self.moving.disk.at(self.arrays["disk_map"])
-        after, mu, log2_area = interpolated(values, registered, z).T
+        after, mu, log2_area = registered.values_at(z, values).T
         return Maps(self.control.features.at(FINEST)[:, 0], before, after, mu, log2_area)
-
-
-def interpolated(values, disk, z):
-    """Values (V, k) of the vertices of a `Disk` at points z (W,): (W, k)."""
-    return disk.interpolate(values, disk.locate(z))
 
 
 def read_finished(folder):

@@ -37,10 +37,6 @@ class LandmarkSolver:
         f[dirichlet.free] = dirichlet.solve_free(load - dirichlet.coupling @ self.boundary)
         return f
 
-    def error(self, f):
-        """Mean distance of the mapped landmarks from their targets."""
-        return abs(self.samples @ f - self.target).mean()
-
 
 def truncated(mu, largest=LARGEST):
     """mu with |mu| cut to `largest`; 0 where mu is infinite or undefined, on collapsed faces."""
