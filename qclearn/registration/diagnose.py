@@ -14,6 +14,7 @@ import numpy as np
 
 from ..plane.linear import face_areas
 from ..plane.mobius import nearest_mobius
+from ..surfaces.checks import places_of
 from ..surfaces.surface import SurfaceError
 from ..surfaces.units import size_of
 from .features import FOLDS, SCALE, align_by_features, check_features, closing_fan, featured
@@ -243,11 +244,10 @@ def surface_hypotheses(given, pair):
 def cut_numbers(surface, numbers):
     """Vertices of the cut surface from those of the whole one; None without a table or where one is
     missing."""
-    table = surface.original_vertices
-    if table is None or not np.isin(numbers, table).all():
+    if surface.original_vertices is None:
         return None
-    order = np.argsort(table)
-    return order[np.searchsorted(table, numbers, sorter=order)]
+    places = places_of(numbers, surface.original_vertices)
+    return None if (places < 0).any() else places
 
 
 def order_hypotheses(given):
