@@ -61,7 +61,7 @@ def surface_of(path, mesh):
     return surface
 
 
-def read_mesh(path, units="mm", merge=False):
+def read_mesh(path, units, merge):
     """The `Mesh` of a file as `read_surface` takes it; SurfaceError where there is none."""
     if units not in UNITS:
         raise SurfaceError(f"units = {units!r}: give one of {', '.join(UNITS)}")

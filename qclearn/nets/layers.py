@@ -120,7 +120,7 @@ class PolarUNet(nn.Module):
     have one down and one up.
     """
 
-    def __init__(self, inputs, outputs, channels, blocks=3):
+    def __init__(self, inputs, outputs, channels, blocks):
         super().__init__()
         pairs = list(pairwise(channels))
         self.stem, self.head = PolarConv(inputs, channels[0]), zero(PolarConv(channels[0], outputs))

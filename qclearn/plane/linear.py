@@ -83,7 +83,7 @@ class Cholesky:
     of them at a time: whichever is solved next computes its own again.
     """
 
-    def __init__(self, matrix, pattern=None):
+    def __init__(self, matrix, pattern):
         from cvxopt import cholmod, spmatrix
 
         cholmod.options["supernodal"] = 2
@@ -187,6 +187,12 @@ def face_areas(vertices, faces):
 def around_vertices(values, faces, n_vertices=0):
     """The sum (V,) of values (F,) over the faces around each vertex."""
     return np.bincount(faces.ravel(), np.repeat(values, 3), n_vertices)
+
+
+def interpolate(values, faces, places):
+    """Values (V, ...) of the vertices at places (face, weights), linear in each of the faces."""
+    face, weights = places
+    return np.einsum("pk,pk...->p...", weights, np.asarray(values)[faces[face]])
 
 
 def middles(m):

@@ -59,9 +59,8 @@ class Carrier:
 
     def __init__(self, disk, mesh):
         self.z = mesh.z
-        self.mapped = disk
-        f_z = three_a_row(self.mapped.gradients.conj() / 2, self.mapped.faces, len(self.mapped.z))
-        self.slope = (self.mapped.to_vertices @ f_z).tocsr()
+        f_z = three_a_row(disk.gradients.conj() / 2, disk.faces, len(disk.z))
+        self.slope = (disk.to_vertices @ f_z).tocsr()
         self.areas = around_vertices(mesh.areas, mesh.faces) / 3
         self.values = disk.sampling(self.z)
         self.tree = scipy.spatial.cKDTree(pairs(self.z))
