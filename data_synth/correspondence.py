@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
+from qclearn.plane.linear import interpolate
 from qclearn.surfaces.curvature import sulcal_depth
 
 from .cortex import require_one_generation
@@ -19,7 +20,7 @@ def correspondence(a, b):
     """
     require_one_generation([a, b])
     places = locate_on_sphere(b.template, b.surface.faces, a.template)
-    return at_places(b.surface.vertices, b.surface, places)
+    return interpolate(b.surface.vertices, b.surface.faces, places)
 
 
 def depth_correlation(a, b):
@@ -30,14 +31,8 @@ def depth_correlation(a, b):
     """
     require_one_generation([a, b])
     places = locate_on_sphere(b.template, b.surface.faces, a.template)
-    there = at_places(sulcal_depth(b.surface), b.surface, places)
+    there = interpolate(sulcal_depth(b.surface), b.surface.faces, places)
     return float(np.corrcoef(sulcal_depth(a.surface), there)[0, 1])
-
-
-def at_places(values, surface, places):
-    """Per-vertex values (V, ...) of a surface, linear in each face, at places (face, weights)."""
-    face, weights = places
-    return np.einsum("pk,pk...->p...", weights, values[surface.faces[face]])
 
 
 def locate_on_sphere(template, faces, points):

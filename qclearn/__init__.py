@@ -10,7 +10,7 @@ TABLE = {
     "group.template": "Template template",
     "group.workers": "WorkersError",
     "plane.beltrami": "BeltramiDiskSolver beltrami_coefficient hat_gradients jacobian locate "
-    "signed_areas solve_beltrami solve_beltrami_disk solve_beltrami_disk_log stiffness wirtinger",
+    "signed_areas solve_beltrami solve_beltrami_disk stiffness wirtinger",
     "plane.bijectivity": "BijectivityError Certificate RepairWarning check_bijective "
     "check_embedding",
     "plane.checks": "BeltramiError",

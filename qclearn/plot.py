@@ -1,16 +1,13 @@
 """Figures: what is shown on the disk (matplotlib, no global state)."""
 
-import base64
-import html
-
 import numpy as np
-from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from scipy import sparse
 
-from .plane.disk import Disk
+from .plane.disk import Disk, pairs
 from .plane.grids import thinned
 from .surfaces.curvature import area_radius, grey_levels, mean_curvature
 
@@ -21,7 +18,6 @@ CURVE_STYLES = {
     "registered": {"color": "#F0E442", "linestyle": "-", "marker": "o"},
     "target": {"color": "#D62728", "linestyle": (0, (2.5, 1.5)), "marker": "s"},
 }
-FLIPPED_COLOUR = "#CC79A7"
 DRAWN = 25_000  # vertices of a surface in the figure, at most: a pixel shows no more
 
 
@@ -49,22 +45,10 @@ def polar_lines(rings=10, spokes=24, samples=181):
     return circles + [along * np.exp(2j * np.pi * k / spokes) for k in range(spokes)]
 
 
-def square_lines(lines=17, samples=181):
-    """Horizontal and vertical chords of the unit disk, `lines` each: list of complex curves."""
-    offsets = np.linspace(-1, 1, lines + 2)[1:-1]
-    chords = [np.linspace(-1, 1, samples) * np.sqrt(1 - c**2) + 1j * c for c in offsets]
-    return chords + [chord.imag + 1j * chord.real for chord in chords]
-
-
 def map_curves(disk, f, curves):
     """Complex curves (list) of a `Disk` carried by the piecewise linear map f (V,), a list."""
     ends = np.cumsum([len(curve) for curve in curves])[:-1]
     return np.split(disk.sampling(np.concatenate(curves)) @ f, ends)
-
-
-def grid_plot(ax, z, faces, f, lines=None, color="#1F4E79"):
-    """Draw grid lines of the disk (`polar_lines` by default) as the map f (V,) deforms them."""
-    return lines_plot(disk_axes(ax), map_curves(Disk(z, faces), f, lines or polar_lines()), color)
 
 
 def lines_plot(ax, curves, color):
@@ -92,20 +76,6 @@ def curve_legend(ax, *styles):
     handles = [Line2D([], [], label=style, **look) for style, look in looks.items()]
     place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.02), "ncols": len(styles)}
     ax.legend(handles=handles, frameon=False, fontsize=8, handlelength=3, **place)
-
-
-def ellipse_field(ax, z, mu, size=0.08, color="#0072B2"):
-    """Draw the images of small circles at z (K,) under a map with mu (K,), up to f_z.
-
-    `dz + mu conj(dz)`: long axis of length `size` at the angle `arg(mu) / 2`, axes' ratio `(1 +
-    |mu|) / (1 - |mu|)`.
-    """
-    z, mu = np.asarray(z, complex), np.asarray(mu, complex)
-    short = size * (1 - abs(mu)) / (1 + abs(mu))
-    place = {"units": "xy", "offsets": pairs(z), "offset_transform": ax.transData}
-    turns = np.degrees(np.angle(mu) / 2)
-    sizes = np.full(len(z), size), short, turns
-    return ax.add_collection(EllipseCollection(*sizes, facecolors=color, alpha=0.75, **place))
 
 
 def mu_histogram(ax, mu, weights=None, bins=40):
@@ -206,39 +176,3 @@ def _label_registration(figure, rows, colours, report):
         before, after, mm = (report[f"landmark_error{name}"] for name in ("_before", "", "_mm"))
         landmarks = f"landmark error {before:.2g} before, {after:.2g} after ({mm:.2g} mm)"
     figure.suptitle(rf"{landmarks}; mean $|\mu|$ {report['mean_abs_mu']:.3f}; {state}", fontsize=12)
-
-
-def registration_disks(axes, registration, moving, vmax=0.6):
-    """One `Registration` on four Axes: best Möbius map, registered, the deformed grid, |mu|.
-
-    Equal parts of a picture have equal moving area. Returns the coloured artist of |mu|.
-    """
-    r, radius = registration, area_radius(moving, registration.disk_moving)
-    curves, targets = (list(side) for side in zip(*r.curves.values()))
-    lines = [radius.from_image(line) for line in polar_lines()]
-    before, after = radius.to_image(r.disk_moving), radius.to_image(r.disk_map)
-    mapped = map_curves(Disk(r.disk_moving, moving.faces), after, curves + lines)
-    curvature = grey_levels(mean_curvature(moving), moving.vertex_areas)
-    drawn = [radius.to_image(curve) for curve in curves], mapped[: len(curves)]
-    titles = "best Möbius map only", "registered"
-    for ax, z, registered, title in zip(axes, (before, after), drawn, titles):
-        disk_plot(ax, z, moving.faces, curvature, cmap="gray", vmin=-80, vmax=335)
-        curves_plot(ax, registered, "registered")
-        curves_plot(ax, [radius.to_image(curve) for curve in targets], "target")
-        ax.set_title(title)
-    curve_legend(axes[0], "registered", "target")
-    lines_plot(disk_axes(axes[2]), mapped[len(curves) :], "#1F4E79")
-    axes[2].set_title("polar grid after the map")
-    axes[3].set_title(r"$|\mu|$")
-    return disk_plot(axes[3], before, moving.faces, abs(r.mu), vmin=0, vmax=vmax)
-
-
-def pairs(z):
-    """Real and imaginary parts (..., 2) of complex numbers."""
-    return np.stack([z.real, z.imag], axis=-1)
-
-
-def picture_html(png, description, attributes=""):
-    """PNG bytes as an element with a description."""
-    data = base64.b64encode(png).decode()
-    return f'<img alt="{html.escape(description)}" src="data:image/png;base64,{data}"{attributes}>'

@@ -1,10 +1,10 @@
-"""The catalogue of closed-form maps of `qclearn.plane.exactmaps`, and more of them that tests alone
+"""The catalogue of closed-form maps of `qcbook.exactmaps`, and more of them that tests alone
 need."""
 
 import numpy as np
 
+from qcbook.exactmaps import ExactMap, affine, radial_stretch, sliding, turn, twist
 from qclearn.plane.disk import Disk
-from qclearn.plane.exactmaps import ExactMap, affine, radial_stretch, sliding, turn, twist
 from qclearn.plane.mobius import mobius
 
 __all__ = ["affine", "radial_stretch", "sliding", "twist"]

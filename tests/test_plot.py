@@ -8,6 +8,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from meshes import bowl
+from qcbook.figures import ellipse_field, grid_plot, square_lines
+from qcbook.scenes import registration_scene, stacked_scene, surface_picture, surface_scene
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.mobius import mobius
@@ -16,16 +18,12 @@ from qclearn.plot import (
     curves_plot,
     disk_plot,
     drawn_part,
-    ellipse_field,
-    grid_plot,
     map_curves,
     mu_histogram,
     polar_lines,
     registration_figure,
-    square_lines,
 )
 from qclearn.registration.register import register
-from qclearn.scenes import registration_scene, stacked_scene, surface_picture, surface_scene
 from qclearn.surfaces.surface import Surface
 
 

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import qclearn as qc
-from qclearn.plot import registration_disks
-from qclearn.scenes import registration_scene, require_renderer
+from qcbook.figures import registration_disks
+from qcbook.scenes import registration_scene, require_renderer
 from qclearn.surfaces.curvature import grey_levels
 
 PICTURE = Path(__file__).resolve().parents[2] / "book" / "_assets" / "registration.png"

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 from IPython import get_ipython
 from IPython.display import Markdown, display
 
-from qclearn.plot import picture_html
+from qcbook.figures import picture_html
 
 num = SimpleNamespace()  # the numbers of this page
 # Name -> execution counts of the cells that kept it: the build refuses two, a reader may run cells

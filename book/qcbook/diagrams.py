@@ -1,4 +1,5 @@
-"""Block diagrams of networks: boxes with words, arrows that end at their edges."""
+"""Block diagrams of networks: boxes with words, arrows that end at their edges; and the shapes of
+their outputs."""
 
 TINTS = {"grey": "#EEEEEE", "blue": "#CFE5F3", "orange": "#F8D9C4", "green": "#CDEBDD"}
 
@@ -23,3 +24,23 @@ def block_diagram(ax, boxes, arrows):
         look = {"arrowstyle": "->", "color": "0.4", "shrinkA": 1, "shrinkB": 1} | ends
         lines.append(ax.annotate("", boxes[end][:2], boxes[start][:2], zorder=4, arrowprops=look))
     return texts, lines
+
+
+def output_shapes(parts, run):
+    """A row (name, module, shape as text) per output of `parts`, pairs, during run()."""
+    import torch  # here, as the diagrams need none
+
+    rows = []
+
+    def note(name):
+        def hook(part, _, output):
+            rows.append((name, part, " × ".join(map(str, output.shape[1:]))))
+
+        return hook
+
+    hooks = [part.register_forward_hook(note(name)) for name, part in parts]
+    with torch.no_grad():
+        run()
+    for hook in hooks:
+        hook.remove()
+    return rows

@@ -4,11 +4,11 @@ from types import MappingProxyType
 
 import numpy as np
 
+from qcbook.figures import grid_plot
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk
 from qclearn.plane.mobius import mobius
 from qclearn.plane.solver import DiskSolver
-from qclearn.plot import grid_plot
 
 from .live import Live, as_pairs, two_disks
 

@@ -5,7 +5,7 @@ from types import MappingProxyType
 import numpy as np
 from matplotlib.figure import Figure
 
-from qclearn.scenes import surface_picture
+from qcbook.scenes import surface_picture
 from qclearn.surfaces.surface import Surface
 
 from .live import Live

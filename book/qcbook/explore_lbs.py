@@ -4,10 +4,11 @@ from types import MappingProxyType
 
 import numpy as np
 
+from qcbook.figures import FLIPPED_COLOUR, grid_plot
 from qclearn.plane.beltrami import solve_beltrami
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import COARSE, polar_disk
-from qclearn.plot import FLIPPED_COLOUR, disk_plot, grid_plot
+from qclearn.plot import disk_plot
 
 from .live import Live, as_pairs, two_disks
 

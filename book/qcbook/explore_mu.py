@@ -4,9 +4,10 @@ from types import MappingProxyType
 
 import numpy as np
 
+from qcbook.figures import grid_plot
 from qclearn.plane.grids import FINE, polar
 from qclearn.plane.solver import DiskSolver
-from qclearn.plot import disk_plot, grid_plot
+from qclearn.plot import disk_plot
 
 from .live import Live, as_pairs, two_disks
 from .livefiles import dbsnet_file

@@ -8,13 +8,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy import sparse
 
+from qcbook.scenes import surface_picture
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import COARSE
 from qclearn.plot import map_curves
 from qclearn.registration.fit import fit_problem
 from qclearn.registration.metrics import measured_losses
 from qclearn.registration.register import register
-from qclearn.scenes import surface_picture
 from qclearn.surfaces.conformal import ParameterizedSurface
 from qclearn.surfaces.curvature import grey_levels, mean_curvature
 from qclearn.surfaces.surface import Surface

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from qclearn.plot import CURVE_STYLES, FLIPPED_COLOUR, disk_axes, disk_plot, lines_plot, map_curves, square_lines
+from qcbook.figures import FLIPPED_COLOUR, square_lines
+from qclearn.plot import CURVE_STYLES, disk_axes, disk_plot, lines_plot, map_curves
 from qclearn.registration.features import FINEST
 from qclearn.registration.fit import CertifiedMap, exact_map, fit_problem, fit_registration
 from qclearn.registration.gauss_newton import MIN_DECREASE

@@ -9,9 +9,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 from PIL import Image
 
+from qcbook.scenes import require_renderer, surface_scene
 from qclearn.plane import Disk
 from qclearn.plot import map_curves
-from qclearn.scenes import require_renderer, surface_scene
 
 SIZE = 1100, 720
 STEPS = 6  # places of a curve that are computed; between them it glides straight on

@@ -19,8 +19,10 @@ import traitlets
 from matplotlib.figure import Figure
 
 import qcbook as pages
+from qcbook.figures import picture_html
+from qclearn.plane.disk import pairs
 from qclearn.plane.grids import COARSE, FINE, POWER
-from qclearn.plot import disk_axes, pairs, picture_html
+from qclearn.plot import disk_axes
 
 from .cells import drawn
 

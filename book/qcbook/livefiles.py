@@ -6,7 +6,7 @@ import struct
 
 import numpy as np
 
-from qclearn.plot import pairs
+from qclearn.plane.disk import pairs
 from qclearn.surfaces.curvature import area_radius, grey_levels, mean_curvature
 
 STEPS = 2**16 - 1  # of a number that travels in two bytes

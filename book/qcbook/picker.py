@@ -13,10 +13,10 @@ from PIL import Image
 from scipy import sparse
 from vtkmodules.vtkRenderingCore import vtkCellPicker
 
+from qcbook.scenes import surface_scene
 from qclearn.io.safe import write_whole
 from qclearn.plane.linear import heat_flow
 from qclearn.registration.curves import SIDES, check_curves, fundus_metric, fundus_path
-from qclearn.scenes import surface_scene
 from qclearn.surfaces.checks import counted
 from qclearn.surfaces.curvature import mean_curvature
 from qclearn.surfaces.surface import Surface

@@ -10,8 +10,8 @@ import ipywidgets
 import numpy as np
 from matplotlib.figure import Figure
 
+from qcbook.figures import grid_plot, picture_html
 from qclearn.plane.disk import Disk
-from qclearn.plot import grid_plot, picture_html
 from qclearn.registration.fit import exact_map
 
 from .cells import drawn

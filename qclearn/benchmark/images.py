@@ -6,6 +6,7 @@ import numpy as np
 
 from data_synth.correspondence import locate_on_sphere
 
+from ..plane.linear import interpolate
 from ..surfaces.checks import norms
 from ..surfaces.surface import SurfaceError
 from .methods.spheres import inward
@@ -53,8 +54,7 @@ class OnSphere:
         return self.at(self.sphere.whole.vertices, places)
 
     def at(self, values, places):
-        face, weights = places
-        return np.einsum("pk,pk...->p...", weights, values[self.faces[face]])
+        return interpolate(values, self.faces, places)
 
 
 def image_of(control, f, lookup):

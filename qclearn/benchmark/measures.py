@@ -3,9 +3,11 @@
 import numpy as np
 from scipy.sparse.csgraph import dijkstra
 
-from ..plane.linear import corner_angles, edge_lengths
+from ..plane.linear import corner_angles, edge_lengths, face_areas
 from ..registration.curves import edge_graph, weigh_edges
-from ..registration.metrics import SMALLEST_RATIO, coefficient_statistics, face_areas
+from ..registration.metrics import SMALLEST_RATIO, coefficient_statistics
+
+DRAWS, LEVEL = 10_000, 0.95  # of the bootstrap
 
 
 def coefficient_measures(surface, disk, mu):
@@ -21,9 +23,9 @@ def coefficient_measures(surface, disk, mu):
     return result
 
 
-def coefficient_histogram(mu, bins=50):
-    """Counts (bins,) of |mu| over the faces in equal steps of [0, 1], all above in the last."""
-    return np.histogram(np.minimum(abs(mu), 1), bins, (0, 1))[0]
+def coefficient_histogram(mu):
+    """Counts (50,) of |mu| over the faces in equal steps of [0, 1], all above in the last."""
+    return np.histogram(np.minimum(abs(mu), 1), 50, (0, 1))[0]
 
 
 def landmark_measures(mapped, target, off_mm):
@@ -75,13 +77,13 @@ def distortion_measures(surface, points):
     }
 
 
-def paired_difference(one, other, rng, draws=10_000, level=0.95):
-    """(mean, low, high) of one - other over the same subjects, low and high of its bootstrap
+def paired_difference(one, other, rng):
+    """(mean, low, high) of one - other over the same subjects, low and high of its 95 % bootstrap
     interval; pairs with a NaN are left out, and without any pair all three are NaN."""
     differences = np.asarray(one, float) - np.asarray(other, float)
     differences = differences[np.isfinite(differences)]
     if not len(differences):
         return (np.nan,) * 3
-    means = differences[rng.integers(len(differences), size=(draws, len(differences)))].mean(1)
-    low, high = np.quantile(means, [(1 - level) / 2, (1 + level) / 2]).tolist()
+    means = differences[rng.integers(len(differences), size=(DRAWS, len(differences)))].mean(1)
+    low, high = np.quantile(means, [(1 - LEVEL) / 2, (1 + LEVEL) / 2]).tolist()
     return float(differences.mean()), low, high

@@ -3,6 +3,7 @@
 import numpy as np
 import scipy
 
+from ..plane.linear import face_areas
 from ..registration.curves import (
     POINTS_PER_CURVE,
     SAMPLES,
@@ -120,8 +121,7 @@ def area_and_shape(surface, points):
 
     As `wb_command -surface-distortion -local-affine-method -log2`.
     """
-    a, b, c = (points[corner] for corner in surface.faces.T)
-    share = np.sqrt(2 * surface.area / np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    share = np.sqrt(surface.area / face_areas(points, surface.faces).sum())
     return distortion_maps(surface.vertices, surface.faces, share * points)
 
 

@@ -56,10 +56,10 @@ def column(rows, run, key):
     return {pair: np.nan if value is None else float(value) for pair, value in own.items()}
 
 
-def front_ratio(rows, front, baseline, size="mean_abs_mu", error="landmark_error"):
+def front_ratio(rows, front, baseline, size="mean_abs_mu"):
     """The front's error at the baseline's distortion over the baseline's error, dict by pair.
 
-    front: names of runs that trade `error` for `size`. Straight lines join their certified points
+    front: names of runs that trade landmark error for `size`. Straight lines join their certified points
     that none beats in both, constant beyond the last. Pairs with a certified baseline; NaN where
     its size is below the front's. Below 1 the front is ahead.
     """
@@ -69,24 +69,27 @@ def front_ratio(rows, front, baseline, size="mean_abs_mu", error="landmark_error
         if row["run"] != baseline:
             continue
         own = [other for other in certified if other["pair"] == row["pair"]]
-        points = sorted((other[size], other[error]) for other in own if other["run"] in front)
+        points = sorted(
+            (other[size], other["landmark_error"]) for other in own if other["run"] in front
+        )
         best = []
         for point in points:
             if all(point[1] < other[1] for other in best):
                 best.append(point)
         sizes, errors = np.array(best).reshape(-1, 2).T
         inside = len(best) and sizes[0] <= row[size]
-        ratios[row["pair"]] = np.interp(row[size], sizes, errors) / row[error] if inside else np.nan
+        error = row["landmark_error"]
+        ratios[row["pair"]] = np.interp(row[size], sizes, errors) / error if inside else np.nan
     return ratios
 
 
-def compare_fronts(rows, front, baseline, rng, size="mean_abs_mu", error="landmark_error"):
+def compare_fronts(rows, front, baseline, rng, size="mean_abs_mu"):
     """The geometric mean "ratio" of `front_ratio`, with its 95 % interval "low", "high": dict.
 
     "won" of "pairs": the front is ahead; "state": "ahead", "behind", "level" (the interval holds 1)
     or "unknown".
     """
-    ratios = np.array(list(front_ratio(rows, front, baseline, size, error).values()))
+    ratios = np.array(list(front_ratio(rows, front, baseline, size).values()))
     difference = paired_difference(np.log(ratios), np.zeros(len(ratios)), rng)
     ratio, low, high = np.exp(difference).tolist()
     states = {"below": "ahead", "above": "behind", "level": "level"}
@@ -130,9 +133,11 @@ def noted(rows, run, text):
     return sum(any(text in note for note in own) for own in notes)
 
 
-def failures(rows, run, start="rotation"):
-    """The pairs, list, on which a run's map is "failed here" (`judge_start`); [] without `start`."""
-    own, first = ({row["pair"]: row for row in rows if row["run"] == name} for name in (run, start))
+def failures(rows, run):
+    """The pairs, list, on which a run's map is "failed here" (`judge_start`); [] without the rotation's
+    rows."""
+    both = run, "rotation"
+    own, first = ({row["pair"]: row for row in rows if row["run"] == name} for name in both)
     return [pair for pair in own if pair in first and judge_start(own[pair], first[pair])]
 
 

@@ -11,6 +11,7 @@ from ..io.frames import Frame
 from ..io.fsaverage import whole_fsaverage5
 from ..io.hemisphere import NAMED, require_side
 from ..io.meshes import frame_of
+from ..io.safe import naming
 from ..registration.metrics import distortion_maps
 from ..registration.sphere import RINGS, registered_sphere, require_whole, unit_sphere
 from ..registration.transfer import frame_of_side, numbering_of_side, read_registration
@@ -55,20 +56,13 @@ def sphere(registration, control_sphere, out):
     arrays = read_registration(registration, surfaces=True)
     for side in ("moving", "control"):
         table, faces = arrays.get(f"table_{side}"), arrays.get(f"whole_faces_{side}")
-        require_whole_of(registration, side, table, faces)
+        with naming(registration):
+            require_whole(side, table, faces)
     hemisphere = frame_of_side(arrays, "control").side
     given = read_sphere(control_sphere, arrays["whole_faces_control"], hemisphere)
     with output_folder(out) as folder:
         line = write_sphere(folder, arrays, given)
     say(f"{out}: {line}")
-
-
-def require_whole_of(path, side, table, faces):
-    """`require_whole`, with the path."""
-    try:
-        require_whole(side, table, faces)
-    except qc.SurfaceError as error:
-        raise qc.SurfaceError(f"{path}: {error}") from None
 
 
 class ControlSphere(NamedTuple):
@@ -86,17 +80,16 @@ def read_sphere(path, faces, side):
     own = named[1] if named else frame_of(path).side
     surface = whole_fsaverage5(own) if named else qc.read_surface(path)
     require_side(path, own, side, "the control")
-    try:
+    with naming(path):
         unit_sphere(surface, faces)
-    except qc.SurfaceError as error:
-        raise qc.SurfaceError(f"{path}: {error}") from None
     return ControlSphere(surface, own or side)
 
 
 def sphere_of(pair, path):
     """The `ControlSphere` for a pair of hemispheres that will be registered."""
     for side, one in pair.given.items():
-        require_whole_of(one.path, side, one.disk.original_vertices, one.frame.whole)
+        with naming(one.path):
+            require_whole(side, one.disk.original_vertices, one.frame.whole)
     return read_sphere(path, pair.control.frame.whole, pair.control.frame.side)
 
 

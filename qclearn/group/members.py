@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..io.safe import naming
 from ..registration.features import FOLDS, FeatureError, check_values
 from ..surfaces.surface import Surface, SurfaceError, require_disk, require_outward
 from ..surfaces.units import other_units
@@ -72,11 +73,9 @@ def check_subjects(subjects):
             )
         for reason in other_units(**{name: surface}):
             raise SurfaceError(reason)
-        try:
+        with naming(name):
             require_disk(surface)
             require_outward(surface)
-        except SurfaceError as error:
-            raise SurfaceError(f"{name}: {error}") from None
     return named
 
 

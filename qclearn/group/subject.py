@@ -7,6 +7,7 @@ import numpy as np
 
 from ..plane.bijectivity import BijectivityError
 from ..plane.disk import Disk
+from ..plane.linear import around_vertices, face_areas
 from ..registration.diagnose import disagreeing, strong_distortion, switched_rows
 from ..registration.features import (
     COMPUTED,
@@ -68,7 +69,7 @@ class Mean(Shared):
     def unit(self):
         """Length of the disk's unit at each vertex (N,), in the surfaces' unit: the root of the
         areas' ratio."""
-        return np.sqrt(self.areas / vertex_areas(self.disk.faces, self.disk.areas))
+        return np.sqrt(self.areas / (around_vertices(self.disk.areas, self.disk.faces) / 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +147,7 @@ def mirrored_gain(moving, control):
 
 def inverse(subject, f, points):
     """The inverse (N,) of a subject's disk map f (V,) at points (N,) of the mean's disk."""
-    return subject.disk.interpolate(subject.disk.z, subject.disk.at(f).locate(points))
+    return subject.disk.at(f).values_at(points, subject.disk.z)
 
 
 def carried(subject, f, points, mean):
@@ -154,17 +155,16 @@ def carried(subject, f, points, mean):
     image = subject.disk.at(f)
     places = image.locate(points)
     space = onto(image.interpolate(subject.surface.vertices, places), mean.points, mean.areas)
-    a, b, c = (space[corner] for corner in mean.disk.faces.T)
-    face_areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    areas = around_vertices(face_areas(space, mean.disk.faces), mean.disk.faces) / 3
     own = subject.features
     levels = {sigma: image.interpolate(own.at(sigma), places) for sigma in SCALES}
     values = image.interpolate(own.values, places)
-    return Shared(space, values, levels, vertex_areas(mean.disk.faces, face_areas))
+    return Shared(space, values, levels, areas)
 
 
 def composed(subject, f, mean, centre):
     """f (V,) followed by centre (N,), repaired where that folds: (map, is bijective, inverse)."""
-    f = repair_folds(subject.surface, mean.disk.interpolate(centre, mean.disk.locate(f))).z
+    f = repair_folds(subject.surface, mean.disk.values_at(f, centre)).z
     return f, subject.disk.certify(f).bijective, inverse(subject, f, mean.disk.z)
 
 
@@ -177,11 +177,6 @@ def onto(points, target, weights):
     left, _, right = np.linalg.svd(((points - centre) * weights[:, None]).T @ (target - there))
     flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])  # a turn, not a reflection
     return (points - centre) @ (left @ flip @ right) + there
-
-
-def vertex_areas(faces, areas):
-    """One third of the faces' areas (F,) around each vertex."""
-    return np.bincount(faces.ravel(), weights=np.repeat(areas, 3)) / 3
 
 
 def mean_of(shares, count, before):

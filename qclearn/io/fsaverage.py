@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..surfaces.checks import places_of
 from ..surfaces.opening import open_surface
 from ..surfaces.surface import Surface, SurfaceError
 from .meshes import read_surface
@@ -68,14 +69,14 @@ def demo_landmarks() -> dict:
 
 
 def _renumbered(name, vertices, original_indices):
-    places = [np.flatnonzero(original_indices == vertex) for vertex in vertices]
-    lacking = [vertex for vertex, place in zip(vertices, places) if len(place) != 1]
+    places = places_of(np.array(vertices), original_indices).tolist()
+    lacking = [vertex for vertex, place in zip(vertices, places) if place < 0]
     if lacking:
         raise SurfaceError(
             f"{name}: vertices {lacking} of the closed fsaverage5 are cut away; cut less, and pass "
             "this surface's indices"
         )
-    return tuple(int(place[0]) for place in places)
+    return tuple(places)
 
 
 @cache

@@ -258,7 +258,7 @@ def _volume_of(meta):
     return sound_volume({"head": [2, 0, 20], **named, **geometry})
 
 
-def surface_bytes(surface, frame, table=None):
+def surface_bytes(surface, frame, table):
     """The bytes of a .surf.gii; FreeSurfer's coordinates become the scanner's, as mris_convert
     --to-scanner does, but for spheres and the like, which lie nowhere and stay around their
     centre. table (V,): the original numbers."""
@@ -308,7 +308,7 @@ def _array(data, intent, meta, **more):
     return nib.GiftiDataArray(data, intent=intent, meta=meta, **more)
 
 
-def values_bytes(columns, side=None, labels=None, names=None):
+def values_bytes(columns, side, labels, names):
     """The bytes of named maps, k of (V,), float32 or int32; int32 with `labels` are labels."""
     meta = GiftiMetaData(_structure(side))
     table = nib.GiftiLabelTable()
@@ -324,7 +324,7 @@ def values_bytes(columns, side=None, labels=None, names=None):
     return _bytes_of(GiftiImage(meta=meta, labeltable=table, darrays=arrays))
 
 
-def table_of(values, known=None):
+def table_of(values, known):
     """The label table of whole numbers, unknown keys named by their number; {} for too many."""
     keys = np.unique(values).tolist()
     if not known and (len(keys) > _MOST_LABELS or keys[0] < -1):

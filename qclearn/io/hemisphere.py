@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..surfaces.checks import components
+from ..surfaces.checks import components, places_of
 from ..surfaces.opening import open_surface
 from ..surfaces.surface import Mesh, Surface, SurfaceError, require_outward
 from .frames import Frame
 from .fsaverage import fsaverage5, whole_fsaverage5
 from .meshes import frame_of, read_mesh, surface_of
+from .safe import naming
 from .values import read_mask
 
 NAMED = re.compile("fsaverage5:(left|right)")
@@ -68,9 +69,7 @@ class Numbering:
 
     def places(self, numbers):
         """The disk's vertices with these numbers in the whole surface, -1 for those cut away."""
-        places = np.full(self.count, -1)
-        places[self.table] = np.arange(self.size)
-        return places[numbers]
+        return places_of(numbers, self.table)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,12 +132,10 @@ def read_hemisphere(path, cortex=None, units="mm", merge=False):
 
 def opened(path, mesh, mask):
     """`open_surface` of a file's mesh, which must look outward; a SurfaceError names the file."""
-    try:
+    with naming(path):
         disk, table = open_surface(mesh, mask)
         require_outward(disk)
         return disk, table
-    except SurfaceError as error:
-        raise SurfaceError(f"{path}: {error}") from None
 
 
 def cut_out(path, mesh, cortex):

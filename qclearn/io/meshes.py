@@ -54,18 +54,14 @@ def read_surface(path: str | Path, units: str = "mm", merge: bool = False) -> Su
 
 def surface_of(path, mesh):
     """The Surface of a file's mesh; a SurfaceError names the file."""
-    try:
+    with safe.naming(path):
         surface = Surface(*mesh.used())
-    except SurfaceError as error:
-        raise SurfaceError(f"{path}: {error}") from None
-    except MemoryError:
-        raise safe.out_of_memory(path) from None
     if suffix_of(Path(path)) == ".stl":
         _warn_of_slits(path, surface)
     return surface
 
 
-def read_mesh(path, units="mm", merge=False):
+def read_mesh(path, units, merge):
     """The `Mesh` of a file as `read_surface` takes it; SurfaceError where there is none."""
     if units not in UNITS:
         raise SurfaceError(f"units = {units!r}: give one of {', '.join(UNITS)}")
@@ -85,15 +81,11 @@ def read_mesh(path, units="mm", merge=False):
             raise SurfaceError(f"{path}: {held}")
     with safe.explain(path, kind):
         arrays = reader(path, data)
-    try:
+    with safe.naming(path):
         mesh = Mesh.of(*arrays)
         if units != "mm" and size_of(mesh)[1] in (units, None):
             mesh = mesh._replace(vertices=UNITS[units] * mesh.vertices)
         return mesh.merged() if merge else mesh
-    except SurfaceError as error:
-        raise SurfaceError(f"{path}: {error}") from None
-    except MemoryError:
-        raise safe.out_of_memory(path) from None
 
 
 def frame_of(path):

@@ -95,6 +95,17 @@ def out_of_memory(path):
 
 
 @contextmanager
+def naming(path):
+    """Let a SurfaceError of the block name the file, or a lack of memory become one that does."""
+    try:
+        yield
+    except SurfaceError as error:
+        raise SurfaceError(f"{path}: {error}") from None
+    except MemoryError:
+        raise out_of_memory(path) from None
+
+
+@contextmanager
 def explain(path, kind, lead="not a readable"):
     """Turn what parsers raise on bad bytes into one SurfaceError, "PATH: not a readable KIND ...".
 
@@ -102,16 +113,14 @@ def explain(path, kind, lead="not a readable"):
     code they are bugs.
     """
     try:
-        with warnings.catch_warnings():
+        with naming(path), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             warnings.simplefilter("always", LeftOutWarning)
             yield
-    except SurfaceError as error:
-        raise SurfaceError(f"{path}: {error}") from None
+    except SurfaceError:
+        raise
     except FormatError as error:
         raise SurfaceError(f"{path}: {lead} {kind}: {error}; {_AGAIN}") from None
-    except MemoryError:
-        raise out_of_memory(path) from None
     except Exception as error:
         if not _of_bad_bytes(error):
             raise

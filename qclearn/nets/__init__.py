@@ -7,7 +7,7 @@ from ..io.extras import require
 TABLE = {
     "cpnet": "BestCPNet BestCPNetConfig",
     "gauges": "gauge_errors",
-    "layers": "DiskNetwork PolarFunction output_shapes",
+    "layers": "DiskNetwork PolarFunction",
     "ldnet": "heat_metric",
     "losses": "L_LBS L_Boundary L_DBSNet L_Energy L_LBS_printed L_grad_mu L_lost LossMesh area energy",
     "networks": "NETWORKS Network WeightsError",

@@ -76,9 +76,9 @@ class BestDBSNet(DiskNetwork):
         f = self.refine(torch.from_numpy(mu).to(self.z)[None], steps)
         return PolarFunction((f[:, 1:].view(self.z.shape) / self.z)[0].cpu().numpy())
 
-    def refine(self, mu, steps, f=None):
-        """The maps (B, V) after `steps` conjugate gradient steps from f (default: its own)."""
-        f = self(mu) if f is None else f
+    def refine(self, mu, steps):
+        """The maps (B, V) after `steps` conjugate gradient steps from its own."""
+        f = self(mu)
         return self.solver.solve(mu, 0.0, steps, start=f) if steps else f
 
     def forward(self, mu):

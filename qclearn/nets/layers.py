@@ -120,7 +120,7 @@ class PolarUNet(nn.Module):
     have one down and one up.
     """
 
-    def __init__(self, inputs, outputs, channels, blocks=3):
+    def __init__(self, inputs, outputs, channels, blocks):
         super().__init__()
         pairs = list(pairwise(channels))
         self.stem, self.head = PolarConv(inputs, channels[0]), zero(PolarConv(channels[0], outputs))
@@ -249,21 +249,3 @@ class PolarFunction:
     def __call__(self, z):
         place = [abs(z) * self.rings, np.angle(z) % (2 * np.pi) * self.spokes / (2 * np.pi)]
         return z * ndimage.map_coordinates(self.q, place, order=1, mode="nearest")
-
-
-def output_shapes(parts, run):
-    """A row (name, module, shape as text) per output of `parts`, pairs, during run()."""
-    rows = []
-
-    def note(name):
-        def hook(part, _, output):
-            rows.append((name, part, " × ".join(map(str, output.shape[1:]))))
-
-        return hook
-
-    hooks = [part.register_forward_hook(note(name)) for name, part in parts]
-    with torch.no_grad():
-        run()
-    for hook in hooks:
-        hook.remove()
-    return rows

@@ -4,9 +4,10 @@ All are batched and return one value a sample, (B,): take the mean. Points and m
 N) and (B, V); coefficients complex, (B, F), |mu| < 1. Losses on a mesh take its `LossMesh` first.
 """
 
-import numpy as np
 import torch
 from torch import nn
+
+from ..plane.linear import around_vertices
 
 
 class LossMesh(nn.Module):
@@ -17,7 +18,7 @@ class LossMesh(nn.Module):
         tables = {
             name: getattr(disk, name) for name in ("z", "faces", "loop", "areas", "gradients")
         }
-        around = np.bincount(disk.faces.ravel(), np.repeat(disk.areas, 3), len(disk.z))[disk.faces]
+        around = around_vertices(disk.areas, disk.faces, len(disk.z))[disk.faces]
         tables["shares"] = disk.areas[:, None] / around  # of the faces round each corner
         kinds = {"f": precision, "c": precision.to_complex(), "i": torch.int64}
         for name, table in tables.items():

@@ -60,7 +60,7 @@ class PolarGrid(PolarMesh):
     modes: how many eigenvectors E of a `Spectrum` are used, the smoothest: `E^* A E = pi`.
     """
 
-    def __init__(self, nr, nt, modes=512):
+    def __init__(self, nr, nt, modes):
         super().__init__(nr, nt)
         self.spectrum = Spectrum(nr, nt)
         tables = {

@@ -7,7 +7,6 @@ TABLE = {
     "bijectivity": ["mean_value_matrix", "repair"],
     "coefficients": ["bounded"],
     "disk": ["Disk"],
-    "exactmaps": ["affine", "radial_stretch", "sliding", "twist"],
     "fourier": [
         "coefficient_count",
         "compress",

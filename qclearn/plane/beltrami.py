@@ -1,5 +1,5 @@
 """The public functions on meshes given as arrays: derivatives of piecewise linear maps, the Linear
-Beltrami Solver, and the map with a free boundary by its two forms.
+Beltrami Solver, and the map with a free boundary.
 
 Points, maps and gradients of real functions are complex numbers. On a triangle a map is affine: its
 Wirtinger derivatives and its Beltrami coefficient are constants. Each function makes a `Disk` of
@@ -8,14 +8,12 @@ its arrays, whose method does the work.
 
 import warnings
 
-import numpy as np
 from jaxtyping import Complex, Float, Integer
 from numpy import ndarray
 from scipy import sparse
 
 from .bijectivity import RepairWarning, unfold
-from .checks import check_coefficient, check_pins, check_used, planar_points
-from .coefficients import diffuse
+from .checks import check_pins, check_used, planar_points
 from .disk import Disk, Faces, PerFace, PerVertex
 from .linear import Dirichlet
 from .solver import DiskSolver
@@ -144,54 +142,3 @@ class BeltramiDiskSolver(DiskSolver):
 
     def __init__(self, z: PerVertex, faces: Faces):
         super().__init__(Disk(z, faces))
-
-
-def solve_beltrami_disk_log(z: PerVertex, faces: Faces, mu: PerFace) -> PerVertex:
-    """The disk self-map with Beltrami coefficient mu, free boundary, f(0) = 0 and f(1) = 1.
-
-    Away from the pole `F = log f` solves `F_zbar = mu F_z`. With `L = z + mu0 conj(z)`, mu0 the
-    mean of mu around the pole, `F = log L + u + iv` with bounded u (Dirichlet, `u = -log|L|` on the
-    circle) and v (natural condition): `int A grad u . grad phi = -int A grad log|L| . grad phi - 2
-    pi phi(0)`, the same with arg L and without the pole for v; then `f = L exp(u + iv)`. Not
-    certified: twice the work of `solve_beltrami_disk`, and the boundary can run backwards on ragged
-    meshes. Errors: BeltramiError, SurfaceError.
-    """
-    disk = Disk(z, faces)
-    solver = DiskSolver(disk)
-    mu = check_coefficient(mu, len(disk.faces))
-    matrix = disk.stiffness(mu)
-    loop, pole = solver.loop, solver.pole
-    around = (disk.faces == pole).any(1)
-    mu0 = np.average(mu[around], weights=disk.areas[around])
-    z = disk.z - disk.z[pole]
-    L = z + mu0 * np.conj(z)
-    # d(log L) = ((1 + mu0) dx + i (1 - mu0) dy) / L: real part for log|L|, imaginary part for arg
-    # L.
-    x, y = np.array([1 + mu0, 1j * (1 - mu0)])[:, None] * mean_reciprocal(disk.at(L))
-
-    def load(gradient):
-        flux = diffuse(mu, gradient)[:, None]
-        per_corner = disk.areas[:, None] * (disk.gradients.conj() * flux).real
-        return -np.bincount(disk.faces.ravel(), per_corner.ravel(), len(z))
-
-    source = load(x.real + 1j * y.real)
-    source[pole] -= 2 * np.pi
-    u = Dirichlet(matrix, loop).solve(-np.log(abs(L[loop])), source)
-    # A constant in v is a rotation, which the normalisation removes.
-    v = Dirichlet(matrix, loop[:1]).solve(0.0, load(x.imag + 1j * y.imag))
-    return solver.normalise(L * np.exp(u + 1j * v))
-
-
-def mean_reciprocal(picture):
-    """Exact mean of 1/L over each triangle, (F,), of the picture under L, affine there; at most a
-    corner lies at 0.
-
-    Stokes: `int dA / L = (1/2i) sum over edges of (conj(a) - a conj(b - a)/(b - a)) log(b / a)`, a,
-    b = L at its ends.
-    """
-    a = picture.z[picture.faces]
-    b = np.roll(a, -1, axis=1)
-    touching = (a == 0) | (b == 0)  # such an edge contributes 0, the limit of the formula
-    ratio = np.where(touching, 1, b) / np.where(touching, 1, a)
-    terms = (a.conj() - a * (b - a).conj() / (b - a)) * np.log(ratio)
-    return terms.sum(1) / (2j * picture.areas)

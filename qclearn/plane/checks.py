@@ -35,7 +35,7 @@ def planar_points(points, name="z"):
     return points
 
 
-def check_faces(faces, n_vertices=np.inf):
+def check_faces(faces, n_vertices):
     """Triangles as int64 (F, 3), or BeltramiError."""
     try:
         faces = np.asarray(faces)

@@ -13,7 +13,7 @@ from scipy import sparse
 
 from .checks import BeltramiError, check_coefficient, check_map, check_mesh, planar_points
 from .coefficients import diffuse
-from .linear import assemble, opposite_edges, three_a_row
+from .linear import assemble, interpolate, opposite_edges, three_a_row
 
 PerVertex, PerFace, Faces = Complex[ndarray, " V"], Complex[ndarray, " F"], Integer[ndarray, " F 3"]
 OF_FACES = ("loop", "open_halfedges", "across")  # depend on the faces alone: pictures share them
@@ -151,8 +151,11 @@ class Disk:
     def interpolate(self, values, places):
         """Values (V, ...) of the vertices at places (face, weights) as `locate` returns them,
         linear in each face."""
-        face, weights = places
-        return np.einsum("pk,pk...->p...", weights, np.asarray(values)[self.faces[face]])
+        return interpolate(values, self.faces, places)
+
+    def values_at(self, points, values):
+        """Values (V, ...) of the vertices at points (P,), linear in each face."""
+        return self.interpolate(values, self.locate(points))
 
     def stiffness(self, mu: PerFace) -> Float[sparse.csc_array, " V V"]:
         """`K(mu)_ij = sum_T |T| grad phi_i . A(mu_T) grad phi_j`, semi-definite; |mu| < 1."""

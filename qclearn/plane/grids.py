@@ -11,6 +11,7 @@ from jaxtyping import Complex, Integer
 from numpy import ndarray
 
 from .disk import Disk, pairs
+from .linear import around_vertices
 
 POWER = 1.4  # by which the rings of the usual polar meshes crowd towards the centre
 # Rings and spokes: of the mesh of CP-Net's answers, and of their exact maps.
@@ -164,7 +165,7 @@ def ring_tables(mesh, nt):
     """Of the rings of a polar `Disk`: lumped areas (nr,), Laplace's weights along spokes (nr - 1,)
     and rings (nr,)."""
     nr = (len(mesh.z) - 1) // nt
-    area = np.bincount(mesh.faces.ravel(), np.repeat(mesh.areas, 3))[1::nt] / 3
+    area = around_vertices(mesh.areas, mesh.faces)[1::nt] / 3
     K = mesh.laplace
     first = np.arange(nr) * nt + 1
     spokes = -np.asarray(K[first[:-1], first[1:]]).ravel()

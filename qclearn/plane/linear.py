@@ -1,5 +1,6 @@
 """Sparse systems on triangle meshes: assembled from element matrices, factored, solved with some
-values held. Then what triangles alone give: lengths, angles, points inside, the cotangent matrix.
+values held. Then what triangles alone give: lengths, areas, angles, points inside, the cotangent
+matrix.
 """
 
 import contextlib
@@ -82,7 +83,7 @@ class Cholesky:
     of them at a time: whichever is solved next computes its own again.
     """
 
-    def __init__(self, matrix, pattern=None):
+    def __init__(self, matrix, pattern):
         from cvxopt import cholmod, spmatrix
 
         cholmod.options["supernodal"] = 2
@@ -175,6 +176,23 @@ def edge_lengths(corners):
     space, (F, 3, 3)."""
     edges = opposite_edges(corners)
     return abs(edges) if np.iscomplexobj(edges) else np.linalg.norm(edges, axis=2)
+
+
+def face_areas(vertices, faces):
+    """Areas (F,) of the faces of vertices (V, 3)."""
+    a, b, c = (vertices[corner] for corner in faces.T)
+    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+
+
+def around_vertices(values, faces, n_vertices=0):
+    """The sum (V,) of values (F,) over the faces around each vertex."""
+    return np.bincount(faces.ravel(), np.repeat(values, 3), n_vertices)
+
+
+def interpolate(values, faces, places):
+    """Values (V, ...) of the vertices at places (face, weights), linear in each of the faces."""
+    face, weights = places
+    return np.einsum("pk,pk...->p...", weights, np.asarray(values)[faces[face]])
 
 
 def middles(m):

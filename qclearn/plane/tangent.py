@@ -19,7 +19,7 @@ from scipy import sparse
 
 from .coefficients import bounded, bounded_pullback
 from .disk import pairs
-from .linear import middles, three_a_row
+from .linear import around_vertices, middles, three_a_row
 from .solver import DiskSolver
 
 REACH = 1.8  # cells: from where on a node stands for its cell in the integral
@@ -59,10 +59,9 @@ class Carrier:
 
     def __init__(self, disk, mesh):
         self.z = mesh.z
-        self.mapped = disk
-        f_z = three_a_row(self.mapped.gradients.conj() / 2, self.mapped.faces, len(self.mapped.z))
-        self.slope = (self.mapped.to_vertices @ f_z).tocsr()
-        self.areas = np.bincount(mesh.faces.ravel(), np.repeat(mesh.areas, 3)) / 3
+        f_z = three_a_row(disk.gradients.conj() / 2, disk.faces, len(disk.z))
+        self.slope = (disk.to_vertices @ f_z).tocsr()
+        self.areas = around_vertices(mesh.areas, mesh.faces) / 3
         self.values = disk.sampling(self.z)
         self.tree = scipy.spatial.cKDTree(pairs(self.z))
         self.hats = hats_inside(mesh.faces, len(self.z))

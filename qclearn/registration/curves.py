@@ -185,26 +185,26 @@ def detect_curves(
     return [z[fundus_path(surface, start, end, metric)] for start, end in np.asarray(endpoints)]
 
 
-def curves_in_space(side, curves, count=SAMPLES):
-    """Points (count, 3), equally spaced by arc length, on a `ParameterizedSurface`'s surface for
+def curves_in_space(side, curves):
+    """Points (SAMPLES, 3), equally spaced by arc length, on a `ParameterizedSurface`'s surface for
     each curve (k,) in its disk."""
     # Lifting is faster for the points of all curves at once.
-    fine = [_subdivide(np.asarray(curve, complex), count) for curve in curves]
+    fine = [_subdivide(np.asarray(curve, complex)) for curve in curves]
     stops = np.cumsum([len(part) for part in fine])[:-1]
     points = side.lift(np.concatenate(fine))
-    return [_equally_spaced(part, count) for part in np.split(points, stops)]
+    return [_equally_spaced(part) for part in np.split(points, stops)]
 
 
-def _subdivide(points, count):
-    """At least `count` points on the polyline through `points` (k, ...), the corners among them."""
-    per_segment = -(-count // (len(points) - 1))
+def _subdivide(points):
+    """At least SAMPLES points on the polyline through `points` (k, ...), the corners among them."""
+    per_segment = -(-SAMPLES // (len(points) - 1))
     inner = np.linspace(points[:-1], points[1:], per_segment, endpoint=False, axis=1)
     return np.append(inner.ravel(), points[-1])
 
 
-def _equally_spaced(points, count):
+def _equally_spaced(points):
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    wanted = np.linspace(0, along[-1], count)
+    wanted = np.linspace(0, along[-1], SAMPLES)
     return np.stack([np.interp(wanted, along, column) for column in points.T], axis=1)
 
 

@@ -12,11 +12,13 @@ from itertools import combinations
 
 import numpy as np
 
+from ..plane.linear import face_areas
 from ..plane.mobius import nearest_mobius
+from ..surfaces.checks import places_of
 from ..surfaces.surface import SurfaceError
 from ..surfaces.units import size_of
 from .features import FOLDS, SCALE, align_by_features, check_features, closing_fan, featured
-from .metrics import face_areas, mean_rows
+from .metrics import mean_rows
 
 LIMITS = {
     "error_mm": 3.0,  # mean landmark error, mm, together with the next; 0.05 to 4.1 | 0.3 to 64
@@ -242,11 +244,10 @@ def surface_hypotheses(given, pair):
 def cut_numbers(surface, numbers):
     """Vertices of the cut surface from those of the whole one; None without a table or where one is
     missing."""
-    table = surface.original_vertices
-    if table is None or not np.isin(numbers, table).all():
+    if surface.original_vertices is None:
         return None
-    order = np.argsort(table)
-    return order[np.searchsorted(table, numbers, sorter=order)]
+    places = places_of(numbers, surface.original_vertices)
+    return None if (places < 0).any() else places
 
 
 def order_hypotheses(given):

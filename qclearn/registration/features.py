@@ -15,7 +15,7 @@ import scipy
 from scipy import sparse
 
 from ..plane.grids import thinned
-from ..plane.linear import LARGE, heat_flow
+from ..plane.linear import LARGE, around_vertices, heat_flow
 from ..plane.mobius import centring_mobius, compose_mobius, mobius, mobius_fields
 from ..surfaces.checks import degenerate_faces
 from ..surfaces.curvature import mean_curvature, sulcal_depth
@@ -126,7 +126,7 @@ class Smoothing:
 
 def log_density(areas, disk):
     """log of the vertices' shares of the surface's area (V,) over their shares of the `Disk`'s."""
-    around = np.bincount(disk.faces.ravel(), np.repeat(disk.areas, 3))
+    around = around_vertices(disk.areas, disk.faces)
     return np.log(areas) - np.log(around / around.sum())
 
 

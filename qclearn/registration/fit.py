@@ -123,12 +123,7 @@ def fit_problem(problem, weights, start=None, rings=None, watch=None, enough=0.0
         levels, weights, start, watch=watch, enough=enough
     )
     fit = report_fit(objective, state, (sum(steps[:-1]), steps[-1]))
-
-    # No fit may end above the best Möbius map, nor take much more work than good landmarks need.
-    plain = objective.at_mobius(problem.mobius)
-    if exceeds(objective, state, plain):
-        fit = fit_from_mobius(objective, fit, plain, levels[-1], watch)
-    return within_budget(objective, fit, plain)
+    return no_worse_than_mobius(objective, state, fit, levels[-1], watch)[0]
 
 
 @threadpool_limits.wrap(limits=1)
@@ -168,12 +163,7 @@ def fit_registration(
     else:
         objective, state, steps = multiresolution.run(levels, weights, start, features, watch)
     fit = replace(report_fit(objective, state, steps), start=begun)
-
-    # As in `fit_problem`.
-    plain = objective.at_mobius(problem.mobius)
-    if exceeds(objective, state, plain):
-        fit = instead(fit, report_fit(objective, plain, steps))
-    fit = within_budget(objective, fit, plain)
+    fit, plain = no_worse_than_mobius(objective, state, fit)
     if weights.delta > OVERFITS:
         fit = fit.with_messages(f"delta = {weights.delta:g} overfits: choose it by held-out curves")
     r = zip(features.correlation(plain.f).tolist(), features.correlation(fit.f).tolist())
@@ -232,6 +222,24 @@ def limited(levels, disk):
     return [level._replace(rings=min(level.rings, most)) for level in levels]
 
 
+def no_worse_than_mobius(objective, state, fit, level=None, watch=None):
+    """The fit of a state and the state of the best Möbius map; where the fit ended above that map,
+    one by steps from there on a `level`, or else that map; with a message where the work is spent,
+    and then that map in place of one that folds."""
+    plain = objective.at_mobius(objective.problem.mobius)
+    if exceeds(objective, state, plain):
+        if level is None:
+            fit = instead(fit, report_fit(objective, plain, fit.steps))
+        else:
+            fit = fit_from_mobius(objective, fit, plain, level, watch)
+    if objective.spent:
+        if not fit.bijective:
+            fit = report_fit(objective, plain, fit.steps)
+            fit = fit.with_messages("the fit folds: the best Möbius map is returned")
+        fit = fit.with_messages(SPENT)
+    return fit, plain
+
+
 def exceeds(objective, state, plain):
     """Whether a fit ends above the state `plain` of the best Möbius map, in objective or, without
     features, in the landmarks' mean squared distance."""
@@ -265,17 +273,6 @@ def instead(fit, plain):
     if plain.bijective or not fit.bijective:
         return plain.with_messages(f"{ABOVE}: that map is returned")
     return fit.with_messages(f"{ABOVE}: kept, as that map folds the mesh")
-
-
-def within_budget(objective, fit, plain):
-    """The fit; where its work is spent, with a message, and the best Möbius map in place of one
-    that folds."""
-    if not objective.spent:
-        return fit
-    if not fit.bijective:
-        fit = report_fit(objective, plain, fit.steps)
-        fit = fit.with_messages("the fit folds: the best Möbius map is returned")
-    return fit.with_messages(SPENT)
 
 
 def report_fit(objective, state, steps):

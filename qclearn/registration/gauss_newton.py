@@ -4,7 +4,7 @@ A `GaussNewtonObjective` is `nu^* W nu + |r|^2`: a prior of the coefficient fiel
 r of the mapped mesh, `dr = Re(conj(R) dw)`, from landmarks, features and areas. Its `step`
 linearises r at a `State`, solves the quadratic model, and searches along the solution.
 
-Three classes solve the model; `propose(damping)` returns a `Change`. `DirectStep` (landmarks on the
+Three classes solve the model; `propose()` returns a `Change`. `DirectStep` (landmarks on the
 polar mesh) holds the whole derivative J of r by nu. `DualStep` (landmarks) and `PrimalStep`
 (features or areas) are for large meshes: they multiply by J through `pushforward` and by its
 transpose through `pullback`, two solves of the map's equations per product, in conjugate gradients.
@@ -301,11 +301,11 @@ class PrimalStep(ProductStep):
         x = woodbury(g - HY @ along)
         return x + Y @ (along - HY.T @ x / sizes)
 
-    def propose(self, damping=0.0):
-        """The `Change` by conjugate gradients; damping as of `DirectStep.propose`."""
+    def propose(self):
+        """The `Change` by conjugate gradients."""
 
         def product(x):
-            return (1 + damping) * self.prior(x) + self.adjoint(self.forward(x))
+            return self.prior(x) + self.adjoint(self.forward(x))
 
         directions = []
         slope = -self.prior(self.nu) - self.adjoint(self.residual)

@@ -3,6 +3,8 @@ losses."""
 
 import numpy as np
 
+from ..plane.linear import around_vertices, face_areas
+
 # Errors of a landmark or a curve, before the fit (best Möbius map) and after it, in the disk and in
 # mm.
 ERRORS = ("landmark_error_before", "landmark_error", "landmark_error_mm")
@@ -45,12 +47,6 @@ def measured_losses(problem, weights, mu, mapped):
     return terms | {"L_CP": sum(factor * terms[name] for name, factor in weights.factors.items())}
 
 
-def face_areas(vertices, faces):
-    """Areas (F,) of the faces of vertices (V, 3)."""
-    a, b, c = (vertices[corner] for corner in faces.T)
-    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
-
-
 def log2_distortions(surface, points):
     """How much the registration stretches, moving surface -> points (V, 3): [mean, 95 %] over the
     surface's area.
@@ -91,12 +87,8 @@ def distortion_maps(vertices, faces, images):
     """
     area, shape = stretches(vertices, faces, images)
     before = face_areas(vertices, faces)
-
-    def around_vertices(values):
-        return np.bincount(faces.ravel(), np.repeat(values, 3))
-
-    ratio = around_vertices(before * area) / around_vertices(before)
-    mean_shape = around_vertices(shape) / np.bincount(faces.ravel())
+    ratio = around_vertices(before * area, faces) / around_vertices(before, faces)
+    mean_shape = around_vertices(shape, faces) / np.bincount(faces.ravel())
     return np.log2(np.maximum(ratio, SMALLEST_IN_FILES)), np.log2(mean_shape)
 
 

@@ -202,13 +202,15 @@ def register(
     with stages("pull_back"):
         points = pair.control.lift(fit.f)
         report = report_of(pair, landmarks, weights, fit, points, regions)
-    units = other_units(moving=moving, control=control)
-    report["suspect"] = [*wrong, *units, *([] if stopped else report["suspect"])]
-    report["stopped"] = STOPPED if stopped else None
-    report["units"] = relative_units(control)
-    if networks:
-        report["fallbacks"] = gamma_messages(networks["cpnet"], weights) + report["fallbacks"]
-    report["method"] = method
+    suspect = [*wrong, *other_units(moving=moving, control=control)]
+    lowered = gamma_messages(networks["cpnet"], weights) if networks else []
+    report |= {
+        "suspect": suspect if stopped else suspect + report["suspect"],
+        "stopped": STOPPED if stopped else None,
+        "units": relative_units(control),
+        "fallbacks": lowered + report["fallbacks"],
+        "method": method,
+    }
     if networks and features is None:
         # JSON knows no infinity.
         report["tolerance"] = tolerance if np.isfinite(tolerance) else None

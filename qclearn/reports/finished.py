@@ -9,6 +9,7 @@ import numpy as np
 
 from ..io.safe import read_bytes
 from ..plane.disk import Disk
+from ..plane.linear import around_vertices, face_areas
 from ..registration.features import FINEST, Features, Smoothing
 from ..registration.metrics import SMALLEST_RATIO
 from ..registration.transfer import read_registration
@@ -105,28 +106,21 @@ class FinishedRegistration:
         """The `Maps` of this registration on its control."""
         surface = self.moving.surface
         faces = surface.faces
-        a, b, c = (self.arrays["points"][corner] for corner in faces.T)
-        doubled_areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
         # Per vertex: the ratio of its shares of both areas, and the mean of |mu| over its faces.
-        share_on_control = np.bincount(faces.ravel(), np.repeat(doubled_areas, 3))
+        share_on_control = around_vertices(face_areas(self.arrays["points"], faces), faces)
         share_on_control = share_on_control / share_on_control.sum()
         share = surface.vertex_areas / surface.vertex_areas.sum()
         ratio = np.maximum(share_on_control / share, SMALLEST_RATIO)
-        weighted_mu = np.repeat(surface.face_areas, 3) * np.repeat(abs(self.arrays["mu"]), 3)
-        mu = np.bincount(faces.ravel(), weighted_mu) / (3 * surface.vertex_areas)
+        weighted_mu = surface.face_areas * abs(self.arrays["mu"])
+        mu = around_vertices(weighted_mu, faces) / (3 * surface.vertex_areas)
         curvature = self.moving.features.at(FINEST)[:, 0]
         # All maps live on the moving mesh: read them where the control's vertices lie.
         z = self.control.disk.z
-        before = interpolated(curvature[:, None], self.moving.disk, z)[:, 0]
+        before = self.moving.disk.values_at(z, curvature[:, None])[:, 0]
         values = np.stack([curvature, mu, np.log2(ratio)], axis=1)
         registered = self.moving.disk.at(self.arrays["disk_map"])
-        after, mu, log2_area = interpolated(values, registered, z).T
+        after, mu, log2_area = registered.values_at(z, values).T
         return Maps(self.control.features.at(FINEST)[:, 0], before, after, mu, log2_area)
-
-
-def interpolated(values, disk, z):
-    """Values (V, k) of the vertices of a `Disk` at points z (W,): (W, k)."""
-    return disk.interpolate(values, disk.locate(z))
 
 
 def read_finished(folder):

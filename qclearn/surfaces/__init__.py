@@ -4,15 +4,7 @@ import lazy_loader as lazy
 
 TABLE = {
     "conformal": ["ParameterizedSurface", "parameterize"],
-    "curvature": [
-        "CLOSING_CELL",
-        "CLOSING_RADIUS",
-        "AreaRadius",
-        "area_radius",
-        "area_under_pixels",
-        "grey_levels",
-        "resolved_share",
-    ],
+    "curvature": ["CLOSING_CELL", "CLOSING_RADIUS", "AreaRadius", "area_radius", "grey_levels"],
 }
 
 __getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=TABLE)

@@ -45,6 +45,13 @@ def origins(numbers, n_vertices):
     return frozen(numbers.astype(np.int64))
 
 
+def places_of(numbers, table):
+    """Where numbers (n, ...) stand in a table (V,) of different ones, -1 for those that it lacks."""
+    places = np.full(max(table.max(), numbers.max()) + 1, -1)
+    places[table] = np.arange(len(table))
+    return places[numbers]
+
+
 def vertex_array(vertices, finite=True):
     """Vertices as read-only float64 (V, 3), if `finite` so and at most LARGEST."""
     if np.iscomplexobj(vertices):

@@ -19,6 +19,8 @@ from .surface import Surface, SurfaceError
 # In units of sqrt(area of the convex hull): the radius of the ball that closes the sulci, and the
 # side of a voxel.
 CLOSING_RADIUS, CLOSING_CELL = 0.05, 1 / 130
+KNOTS = 65  # of an `AreaRadius`
+TAIL = 0.02  # share of the area that is lighter or darker than an image shows
 
 
 def _once(function):
@@ -179,22 +181,23 @@ def _scale_radius(z, radius, new_radius):
     return z * np.divide(new_size, size, out=np.zeros(z.shape), where=size > 0)
 
 
-def area_radius(surface, z, knots=65):
+def area_radius(surface, z):
     """The `AreaRadius` with `r_image^2` = share of the surface's area within |z| <= r.
 
     A conformal map crowds most of a cortex into a small part of its disk (half of the area within r
     < 0.24 on one hemisphere); equal areas of this image carry equal cortical area, ring by ring.
     """
-    points, areas = _samples(surface, z, 4 if len(z) <= LARGE else 1)  # many faces need no parts
+    m = 4 if len(z) <= LARGE else 1  # many faces need no parts
+    points, areas = parts_of_faces(surface, z, m)
     size = abs(points)
     order = np.argsort(size)
     share = np.cumsum(areas[order])
-    image = np.linspace(0, 1, knots)
+    image = np.linspace(0, 1, KNOTS)
     disk = np.interp(image[1:-1] ** 2, share / share[-1], size[order])
     return AreaRadius(np.concatenate([[0.0], disk, [1.0]]), image)
 
 
-def _samples(surface, z, m):
+def parts_of_faces(surface, z, m):
     """Centroids in z of the m^2 equal parts of each face, complex (m^2 F,), and their areas on the
     surface."""
     points = z[surface.faces] @ middles(m).T
@@ -222,30 +225,16 @@ def curvature_image(
     w = pixel_centres(size)
     inside = abs(w) <= 1
     image = np.full((size, size), np.nan)
-    image[inside] = disk.interpolate(values, disk.locate(radius.from_image(w[inside])))
+    image[inside] = disk.values_at(radius.from_image(w[inside]), values)
     return image, radius
 
 
-def grey_levels(values, areas, tail=0.02):
-    """Values (V,) scaled to [0, 255], the lowest and highest `tail` of the area clipped; a constant
+def grey_levels(values, areas):
+    """Values (V,) scaled to [0, 255], the lowest and highest TAIL of the area clipped; a constant
     to 127.5."""
     order = np.argsort(values)
     share = (np.cumsum(areas[order]) - 0.5 * areas[order]) / np.sum(areas)
-    low, high = np.interp([tail, 1 - tail], share, values[order])
+    low, high = np.interp([TAIL, 1 - TAIL], share, values[order])
     if not high > low:
         return np.full(len(values), 127.5)
     return 255 * np.clip((values - low) / (high - low), 0, 1)
-
-
-def area_under_pixels(surface, z, radius, size=128):
-    """Area of the surface under each pixel of its image, (size, size): each 64th of a face where
-    its centroid falls."""
-    points, areas = _samples(surface, z, 8)
-    w = radius.to_image(points)
-    edges = np.linspace(-1, 1, size + 1)
-    return np.histogram2d(w.imag, w.real, [edges, edges], weights=areas)[0]
-
-
-def resolved_share(pixel_areas, largest=25.0):
-    """Share of the area that lies under pixels which cover at most `largest` (25 mm^2) each."""
-    return float(pixel_areas[pixel_areas <= largest].sum() / pixel_areas.sum())

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Integer
 from numpy import ndarray
 
-from .checks import LARGEST, check_faces, check_topology, components, norms, vertex_array
+from .checks import LARGEST, check_faces, check_topology, components, norms, places_of, vertex_array
 from .surface import Mesh, Surface, SurfaceError, require_disk
 
 
@@ -50,9 +50,7 @@ def open_surface(
             "away from the largest and would be filled; give a mask in one piece (the medial "
             "wall), or smooth this one"
         )
-    new_index = np.full(len(surface.vertices), -1)
-    new_index[vertices] = np.arange(len(vertices))
-    curves = {name: _renumbered(name, path, new_index) for name, path in surface.curves.items()}
+    curves = {name: _renumbered(name, path, vertices) for name, path in surface.curves.items()}
     opened = Surface(surface.vertices[vertices], corners.reshape(-1, 3), curves, vertices)
     require_disk(opened)
     if len(opened.boundary) == len(vertices):
@@ -166,12 +164,13 @@ def _sides(surface, piece):
     return piece[surface.edge_faces] & (surface.edge_faces >= 0)
 
 
-def _renumbered(name, path, new_index):
+def _renumbered(name, path, vertices):
     """A curve's vertices (k,) in the numbers of the disk; SurfaceError where some are cut away."""
-    lost = path[new_index[path] < 0]
+    places = places_of(path, vertices)
+    lost = path[places < 0]
     if lost.size:
         raise SurfaceError(
             f"curve '{name}' would lose {lost.size} of its {path.size} vertices, the first "
             f"{lost[0]}; shorten the curve, leave it out (Surface(vertices, faces)), or cut less"
         )
-    return new_index[path]
+    return places

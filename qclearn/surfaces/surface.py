@@ -14,7 +14,7 @@ from scipy.sparse import csc_array, csr_array
 from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 
 from ..plane.checks import SurfaceError
-from ..plane.linear import cotangent_stiffness, edge_lengths
+from ..plane.linear import around_vertices, cotangent_stiffness, edge_lengths
 from .checks import (
     check_faces,
     check_topology,
@@ -133,7 +133,7 @@ class Surface:
     @cached_property
     def vertex_areas(self) -> Float[ndarray, " V"]:
         """One third of the areas of the faces around each vertex."""
-        return frozen(np.bincount(self.faces.ravel(), np.repeat(self.face_areas, 3)) / 3)
+        return frozen(around_vertices(self.face_areas, self.faces) / 3)
 
     @cached_property
     def stiffness(self) -> Float[csc_array, " V V"]:

@@ -20,14 +20,11 @@ from qclearn.plane.mobius import best_mobius, mobius
 from qclearn.plane.tangent import CoefficientMesh
 from qclearn.registration import register as pipeline
 from qclearn.registration.curves import read_landmarks
-from qclearn.registration.features import Feature, featured
 from qclearn.registration.fit import fit_landmarks
-from qclearn.registration.gauss_newton import Discretization, DualStep, GaussNewtonObjective, PrimalStep
+from qclearn.registration.gauss_newton import Discretization, DualStep, GaussNewtonObjective
 from qclearn.registration.metrics import measured_losses
 from qclearn.registration.problem import LandmarkError, Problem, Weights
-from qclearn.registration.residuals import FeatureTerm
 from qclearn.registration.transfer import transfer
-from qclearn.surfaces.conformal import ParameterizedSurface
 from qclearn.surfaces.surface import Surface, SurfaceError
 
 SMALL, COARSE = polar_disk(16, 48), random_disk(0, 16)
@@ -182,21 +179,14 @@ def test_a_damped_step_is_shorter_and_turns_to_the_steepest_descent():
     np.testing.assert_allclose(far, 10 * farther, atol=1e-4 * abs(far).max())
 
 
-@pytest.mark.parametrize("kind", [DualStep, PrimalStep])
-def test_damped_steps_without_a_jacobian_are_shorter(kind):
-    z = COARSE[0]
-    disk, folds = Disk(*COARSE), [np.cos(5 * z.real + z.imag), np.sin(4 * z.imag) - z.real]
-    side = ParameterizedSurface(Surface(np.stack([z.real, z.imag, 0 * z.real], axis=1), disk.faces), disk)
-    maps = [Feature(str(k), u, np.roll(u, 1)) for k, u in enumerate(folds)]
-    features = FeatureTerm(featured(side, side, maps)[-1], 16.0, 0.5) if kind is PrimalStep else None
+def test_damped_steps_without_a_jacobian_are_shorter():
+    disk = Disk(*COARSE)
     problem = Problem(disk, 0.5 * TURN, 0.45 * TURN * np.exp(0.2j * TURN.real))
-    objective = GaussNewtonObjective(
-        Discretization(problem, CoefficientMesh(disk, polar(4)), own=True), Weights(), features
-    )
+    objective = GaussNewtonObjective(Discretization(problem, CoefficientMesh(disk, polar(4)), own=True), Weights())
     step = objective.linearise(
         objective.at(np.full(len(objective.coefficient_mesh.mesh.z), 0.1 + 0.2j), (0.1j, 0.2)), 50.0
     )
-    assert type(step) is kind
+    assert type(step) is DualStep
     sizes = [objective.prior(step.propose(damping).nu) for damping in (0.0, 1, 10, 1e3)]
     assert (np.diff(sizes) < 0).all()
 

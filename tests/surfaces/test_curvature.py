@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from known_surfaces import icosphere, revolution, sheet
+from qcbook.figures import area_under_pixels, resolved_share
 from qclearn.io.fsaverage import fsaverage5
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.grids import pixel_centres, polar_disk
@@ -13,11 +14,9 @@ from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.curvature import (
     AreaRadius,
     area_radius,
-    area_under_pixels,
     curvature_image,
     grey_levels,
     mean_curvature,
-    resolved_share,
     sulcal_depth,
 )
 from qclearn.surfaces.surface import Surface, SurfaceError

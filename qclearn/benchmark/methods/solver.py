@@ -37,16 +37,12 @@ class LandmarkSolver:
         f[dirichlet.free] = dirichlet.solve_free(load - dirichlet.coupling @ self.boundary)
         return f
 
-    def error(self, f):
-        """Mean distance of the mapped landmarks from their targets."""
-        return abs(self.samples @ f - self.target).mean()
 
-
-def truncated(mu, largest=LARGEST):
-    """mu with |mu| cut to `largest`; 0 where mu is infinite or undefined, on collapsed faces."""
+def truncated(mu):
+    """mu with |mu| cut to LARGEST; 0 where mu is infinite or undefined, on collapsed faces."""
     mu = np.where(np.isfinite(mu), mu, 0)
     size = abs(mu)
-    return mu * np.divide(largest, size, out=np.ones_like(size), where=size > largest)
+    return mu * np.divide(LARGEST, size, out=np.ones_like(size), where=size > LARGEST)
 
 
 def warn_of(repairs):

@@ -4,6 +4,7 @@ import numpy as np
 from scipy.interpolate import RBFInterpolator
 from threadpoolctl import threadpool_limits
 
+from ...plane.disk import pairs
 from ...plane.mobius import mobius
 
 
@@ -20,7 +21,3 @@ def thin_plate(problem, smoothing=0.0):
         pairs(points), pairs(problem.target), kernel="thin_plate_spline", smoothing=smoothing
     )
     return spline(pairs(moved)) @ np.array([1, 1j])
-
-
-def pairs(z):
-    return np.stack([z.real, z.imag], axis=-1)

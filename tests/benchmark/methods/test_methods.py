@@ -149,7 +149,7 @@ def test_the_solution_has_the_least_energy(moved):
 
 def test_truncation_keeps_the_direction_and_the_small():
     mu = np.array([0.5j, 3 - 4j, np.inf, np.nan, 0])
-    np.testing.assert_allclose(truncated(mu, 0.9), [0.5j, 0.54 - 0.72j, 0, 0, 0])
+    np.testing.assert_allclose(truncated(mu), [0.5j, 0.594 - 0.792j, 0, 0, 0])
 
 
 # Harmonic maps and their overlap correction
@@ -273,7 +273,7 @@ def test_teichmullers_displacement_is_found_with_its_constant():
         size, areas = abs(solver.disk.coefficient(f)), solver.disk.areas
         mean = areas @ size / areas.sum()
         assert mean == pytest.approx(k, rel=0.03)
-        assert solver.error(f) < 1e-4 and solver.disk.certify(f).bijective
+        assert abs(solver.samples @ f - solver.target).mean() < 1e-4 and solver.disk.certify(f).bijective
         spreads.append(np.sqrt(areas @ (size - mean) ** 2 / areas.sum()) / mean)
     assert spreads[1] < 0.7 * spreads[0] < 0.03
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from qclearn import scenes
-from qclearn.scenes import RendererError, Scene, require_renderer
+from qcbook import scenes
+from qcbook.scenes import RendererError, Scene, require_renderer
 
 
 def ball():

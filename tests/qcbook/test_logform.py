@@ -5,7 +5,8 @@ import pytest
 
 from exactmaps import DISK_MAPS, after, errors, moebius, normalised, sliding, twist
 from meshes import boundary_loop, random_disk, random_mu
-from qclearn.plane.beltrami import mean_reciprocal, solve_beltrami_disk, solve_beltrami_disk_log
+from qcbook.logform import mean_reciprocal, solve_beltrami_disk_log
+from qclearn.plane.beltrami import solve_beltrami_disk
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk, square_disk

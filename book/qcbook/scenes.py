@@ -17,8 +17,9 @@ import pyvista as pv
 from matplotlib.colors import LinearSegmentedColormap
 from scipy.spatial import cKDTree
 
-from .plane.disk import Disk
-from .plot import CURVE_STYLES, map_curves, picture_html
+from qcbook.figures import picture_html
+from qclearn.plane.disk import Disk
+from qclearn.plot import CURVE_STYLES, map_curves
 
 # Lit from one side, black to white is too dark.
 SHADES = LinearSegmentedColormap.from_list("shades", ["0.38", "1.0"])
@@ -105,9 +106,7 @@ class Scene:
         if self.picture is None:
             return f'<iframe {frame} srcdoc="{page}"></iframe>'
         picture = picture_html(self.picture, self.description, ' style="width:100%"')
-        load = (
-            "const f=this.nextElementSibling;f.srcdoc=f.dataset.page;f.hidden=false;this.remove()"
-        )
+        load = "const f=this.nextElementSibling;f.srcdoc=f.dataset.page;f.hidden=false;this.remove()"
         return (
             f'<button class="scene-poster" type="button" style="{POSTER}" onclick="{load}">'
             f'{picture}<span style="{CAPTION}">turn it in 3-D</span></button>'
@@ -142,9 +141,7 @@ def _png(plotter):
     from PIL import Image
 
     buffer = io.BytesIO()
-    Image.fromarray(plotter.screenshot(transparent_background=True, return_img=True)).save(
-        buffer, "PNG"
-    )
+    Image.fromarray(plotter.screenshot(transparent_background=True, return_img=True)).save(buffer, "PNG")
     return buffer.getvalue()
 
 
@@ -273,7 +270,7 @@ def registration_scene(registration, shape, registered=True, **more):
         moving = map_curves(Disk(r.disk_moving, r.faces_moving), r.disk_map, moving)
     disk = Disk(r.disk_control, shape.faces)
     curves = [
-        (disk.interpolate(shape.vertices, disk.locate(curve)), style)
+        (disk.values_at(curve, shape.vertices), style)
         for side, style in ((targets, "target"), (moving, "registered"))
         for curve in side
     ]

@@ -33,11 +33,7 @@ class ExactMap:
 def affine(a, b, c=0.0):
     """`a z + b conj(z) + c`, mu = b / a."""
     return ExactMap(
-        "affine",
-        lambda z: a * z + b * np.conj(z) + c,
-        lambda z: a + 0 * z,
-        lambda z: b + 0 * z,
-        abs(b / a),
+        "affine", lambda z: a * z + b * np.conj(z) + c, lambda z: a + 0 * z, lambda z: b + 0 * z, abs(b / a)
     )
 
 
@@ -69,12 +65,7 @@ def turn(name, h, h_z, largest):
 
 def twist(c):
     """`z exp(i c (1 - |z|^2))`: the boundary stays; its inverse is the twist by -c."""
-    return turn(
-        "twist",
-        lambda z: c * (1 - abs(z) ** 2),
-        lambda z: -c * np.conj(z),
-        abs(c) / np.sqrt(1 + c**2),
-    )
+    return turn("twist", lambda z: c * (1 - abs(z) ** 2), lambda z: -c * np.conj(z), abs(c) / np.sqrt(1 + c**2))
 
 
 def sliding(c):
