@@ -83,12 +83,11 @@ def paper_lines(path="paper.toml"):
     return {kind: [decided(line) for line in lines[kind]] for kind in KINDS}
 
 
-def paper_table(lines):
-    """A Markdown table of lines of one kind, one row a line."""
+def paper_table(lines, folded=""):
+    """A Markdown table of lines of one kind, one row per line; `folded` as in `table`."""
     head = ["", "in print", "rule, and verdict", "in the book", "changed, compute, and how to repeat it"]
-    return table(
-        head, [[str(line["number"]), line["printed"], judged(line), placed(line), repeated(line)] for line in lines]
-    )
+    rows = [[str(line["number"]), line["printed"], judged(line), placed(line), repeated(line)] for line in lines]
+    return table(head, rows, folded)
 
 
 def judged(line):
