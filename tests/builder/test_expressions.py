@@ -68,3 +68,14 @@ def test_a_key_kept_by_two_cells_is_named():
     cells = new_code_cell("keep(**a)", id="first"), new_code_cell("keep(**b)", id="second")
     [line] = expressions.store(executed(*cells, answers=[], end=[], kept={"error": [1, 2], "size": [2]}))
     assert line.startswith("cell 2 (second): ") and "'error'" in line and "cell 1 (first)" in line
+
+
+def test_powers_of_ten_are_written_as_a_reader_writes_them():
+    written = {
+        "'3e-05 mm'": "'3\u00a0×\u00a010⁻⁵ mm'",
+        "1e-03": "10⁻³",
+        "0e+00": "0",
+        "2.0e+00": "2.0",
+        "x1e-03": "x1e-03",
+    }
+    assert {text: expressions.in_powers(text) for text in written} == written
