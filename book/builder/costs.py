@@ -21,6 +21,11 @@ CELL = """def _cost():
 _cost()"""
 
 
+def count(notebook):
+    """Before exercises are put in: the minutes of reading, as on the first page."""
+    notebook.metadata["minutes"] = round(reading.minutes_of_cells(notebook.cells))
+
+
 def ask(notebook):
     """Before execution, behind the page's own cells."""
     notebook.cells.append(new_code_cell(CELL, metadata={"tags": [TAG]}))
@@ -35,10 +40,10 @@ def take(notebook):
 
 def tell(notebook):
     """Below the page's title: minutes to read it, and what its run took, of a page that was run."""
+    minutes = notebook.metadata.pop("minutes", None)
     if not (cost := notebook.metadata.get("cost")):
         return
     first = notebook.cells[0]
-    minutes = round(reading.minutes_of_cells(notebook.cells))
     told = f"*{minutes} minutes to read; {cost['seconds']:.0f} seconds and {cost['gb']:.1f} GB to run.*"
     title, line, text = first.source.partition("\n")
     first.source = f"{title}\n\n{told}\n{line}{text}"

@@ -77,6 +77,7 @@ def prose(notebook):
 
 
 def prepare(notebook):
+    costs.count(notebook)
     try:
         for cell in prose(notebook):
             cell.source = graded.put(cell.source, with_solutions=True)
