@@ -11,9 +11,9 @@ import re
 
 from nbformat.v4 import new_code_cell
 
+from qcbook.cells import in_powers
+
 ASKED, CLOSING = "asked-expressions", "asked-at-the-end"
-POWER = re.compile(r"(?<![\w.])(\d(?:\.\d+)?)e([+-])0*(\d+)\b")
-RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 EVAL = re.compile(r"\{eval\}(`+)(.+?)\1", re.DOTALL)
 QUESTION = """from IPython import get_ipython as _shell
 from IPython.display import display as _display
@@ -66,21 +66,6 @@ def kept_twice(kept, runs):
     for name, counts in sorted(kept.items()):
         if len(cells := [runs[count] for count in counts if count in runs]) > 1:
             yield f"{cells[-1]}: the key {name!r} was kept already by {cells[0]}; give it a name of its own"
-
-
-def in_powers(text):
-    """3e-05 as a reader writes it: 3 × 10⁻⁵; 1e-03 is 10⁻³, and 0e+00 is 0."""
-
-    def power(match):
-        digits, sign, exponent = match.groups()
-        if float(digits) == 0:
-            return "0"
-        if exponent == "0":
-            return digits
-        raised = "10" + (sign.strip("+") + exponent).translate(RAISED)
-        return raised if digits == "1" else f"{digits}\u00a0×\u00a0{raised}"
-
-    return POWER.sub(power, text)
 
 
 def changed(expression, here, end):

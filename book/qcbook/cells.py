@@ -7,6 +7,7 @@ kernel for them; book/builder/build_book.py stores the answers in the executed p
 
 import base64
 import io
+import re
 from types import SimpleNamespace
 
 from IPython import get_ipython
@@ -14,6 +15,9 @@ from IPython.display import Markdown, display
 
 from qcbook.figures import picture_html
 
+POWER = re.compile(r"(?<![\w.])(\d(?:\.\d+)?)e([+-])0*(\d+)\b")
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+SHOWN = {"True": "yes", "False": "no"}  # in tables
 num = SimpleNamespace()  # the numbers of this page
 # Name -> execution counts of the cells that kept it: the build refuses two, a reader may run cells
 # again.
@@ -68,9 +72,25 @@ def png_width(png):
     return int.from_bytes(png[16:20], "big")
 
 
+def in_powers(text):
+    """3e-05 as a reader writes it: 3 × 10⁻⁵; 1e-03 is 10⁻³, and 0e+00 is 0."""
+
+    def power(match):
+        digits, sign, exponent = match.groups()
+        if float(digits) == 0:
+            return "0"
+        if exponent == "0":
+            return digits
+        raised = "10" + (sign.strip("+") + exponent).translate(RAISED)
+        return raised if digits == "1" else f"{digits}\u00a0×\u00a0{raised}"
+
+    return POWER.sub(power, text)
+
+
 def table(head, rows, folded=""):
     """A Markdown table of strings; its cell needs the metadata `mystnb: {markdown_format: myst}`. With
     words `folded` only these are seen until a reader clicks them."""
+    rows = [[in_powers(SHOWN.get(cell, cell)) for cell in row] for row in rows]
     lines = [head, ["---"] * len(head), *rows]
     text = "\n".join("| " + " | ".join(line) + " |" for line in lines)
     return Markdown(f"<details><summary>{folded}</summary>\n\n{text}\n\n</details>" if folded else text)

@@ -53,8 +53,8 @@ def _conformal_map(surface):
     messages = [finger_message(surface, finger) for finger in fingers]
     if len(switched) or free.floored.any():
         messages.append(
-            f"conformal map: {int(free.floored.sum())} boundary steps raised, {len(switched)} rows "
-            "switched to mean-value weights to keep every triangle positive"
+            f"conformal map: to keep every triangle positive, boundary steps raised: "
+            f"{int(free.floored.sum())}, rows switched to mean-value weights: {len(switched)}"
         )
 
     # The last resort has positive weights everywhere, and a convex boundary.

@@ -4,6 +4,7 @@ and held to one value a page."""
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
 
 from book.builder import expressions
+from qcbook.cells import in_powers
 
 
 def result(text):
@@ -78,4 +79,4 @@ def test_powers_of_ten_are_written_as_a_reader_writes_them():
         "2.0e+00": "2.0",
         "x1e-03": "x1e-03",
     }
-    assert {text: expressions.in_powers(text) for text in written} == written
+    assert {text: in_powers(text) for text in written} == written

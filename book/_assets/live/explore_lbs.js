@@ -201,8 +201,9 @@ export default {
       far = Math.max(0, ...pins.map(({ start, target }) => Math.hypot(target[0] - start[0], target[1] - start[1])));
     const said = [
       `${how}, ${pins.length} pins moved by up to ${short(far)}: ${folds.length} of ${faces} triangles folded`,
-      `Asked for is a ${state.asked} with |μ| up to ${short(asked)}; the map has |μ| up to ${short(largest)}`,
-      `From the ${state.asked} itself it is up to ${short(off)} away`,
+      asked ? `Asked for is a ${state.asked} with |μ| up to ${short(asked)}` : "Asked for is no distortion",
+      `The map has |μ| up to ${short(largest)}`,
+      `From ${asked ? `the ${state.asked}` : "the identity"} it is up to ${short(off)} away`,
       `${negative} of ${edges} edges have a negative weight`,
     ];
     return `${said.join(". ")}. Exact on this mesh of ${SIZE.slice(0, 2).join(" x ")}, in ${ms.toFixed(0)} ms.`;
