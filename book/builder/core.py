@@ -62,7 +62,7 @@ def mark(app, doctree):
     if page not in CORE:
         return
     k, section = CORE.index(page), next(doctree.findall(nodes.section))
-    before, after = ({"before": CORE[k - 1]} if k else {}), {"next": (*CORE, "index")[k + 1]}
+    before, after = ({"before": CORE[k - 1]} if k else {}), {"next": (*CORE, "ownbrain")[k + 1]}
     section.insert(1, strip(page, **before, **after))
     section += strip(page, **after)
 
