@@ -52,12 +52,12 @@ def test_a_link_keeps_its_words(page):
     assert {each.replace("'", "\N{RIGHT SINGLE QUOTATION MARK}") for each in words} - shown == set()
 
 
-@pytest.mark.parametrize("page, onward", [*zip(core.CORE, (*core.CORE[1:], "index"))])
+@pytest.mark.parametrize("page, onward", [*zip(core.CORE, (*core.CORE[1:], "ownbrain"))])
 def test_a_core_page_says_where_it_stands_and_leads_on(page, onward):
     text = (SITE / f"{page}.html").read_text(encoding="utf-8")
     strips = re.findall(r'<p class="core-strip">.*?</p>', text, re.DOTALL)
     assert len(strips) == 2 and all(f'href="{onward}.html"' in strip for strip in strips)
-    assert re.search(rf'href="{onward}.html">[^<]*\N{{BLACK STAR}}', text) or onward == "index"
+    assert re.search(rf'href="{onward}.html">[^<]*\N{{BLACK STAR}}', text) or onward == "ownbrain"
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "book").glob("*.ipynb")), ids=lambda path: path.stem)
