@@ -5,6 +5,7 @@ import numpy as np
 
 from qcbook.exactmaps import ExactMap, affine, radial_stretch, sliding, turn, twist
 from qclearn.plane.disk import Disk
+from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.mobius import mobius
 
 __all__ = ["affine", "radial_stretch", "sliding", "twist"]
@@ -57,6 +58,14 @@ def errors(solve, exact, *meshes):
     """Largest error over the vertices of each mesh, (z, faces), of a solver: (z, faces, mu) -> f."""
     off = (solve(z, faces, exact.on_faces(Disk(z, faces))) - exact(z) for z, faces in meshes)
     return np.array([abs(each).max() for each in off])
+
+
+def assert_accuracy(solve, exact, measured, least):
+    """A solver's errors on square grids 32 and 64 and polar grids 32 x 96 and 64 x 192 are at most as
+    measured when it was worked out, and fall by 2^least and more from grid to grid."""
+    off = errors(solve, exact, square_disk(32), square_disk(64), polar_disk(32, 96), polar_disk(64, 192))
+    assert (off <= 1.05 * np.array(measured)).all(), off
+    assert np.log2(off[::2] / off[1::2]).min() >= least, off
 
 
 # The disk maps of the convergence table; all of them hold 0 and 1.

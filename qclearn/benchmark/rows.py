@@ -59,8 +59,8 @@ def column(rows, run, key):
 def front_ratio(rows, front, baseline, size="mean_abs_mu"):
     """The front's error at the baseline's distortion over the baseline's error, dict by pair.
 
-    front: names of runs that trade landmark error for `size`. Straight lines join their certified points
-    that none beats in both, constant beyond the last. Pairs with a certified baseline; NaN where
+    front: names of runs that trade landmark error for `size`. Straight lines join their certified
+    points that none beats in both, constant beyond the last. Pairs with a certified baseline; NaN where
     its size is below the front's. Below 1 the front is ahead.
     """
     certified = [row for row in rows if row.get("certified")]

@@ -296,8 +296,8 @@ def listed(names):
 
 
 def differing_walls(moving, control):
-    """`walls:` where two hemispheres were cut open by different rules. Folds change a surface's area
-    and not its length: the gap's area over the squared length is what compares."""
+    """`walls:` where two hemispheres were cut open by different rules. Folds change a surface's
+    area and not its length: the gap's area over the squared length is what compares."""
     surfaces = moving, control
     if not all(size_of(surface)[1] for surface in surfaces):
         return
@@ -306,9 +306,9 @@ def differing_walls(moving, control):
         larger, smaller = SIDES if here > there else SIDES[::-1]
         ratio = max(here, there) / min(here, there)
         yield (
-            f"walls: the gap at the medial wall is {ratio:.1f} times as large on the {larger} as on "
-            f"the {smaller} side; cut both by one rule (?h.cortex.label), or see whether the map is "
-            "right beside it"
+            f"walls: the gap at the medial wall is {ratio:.1f} times as large on the {larger} as "
+            f"on the {smaller} side; cut both by one rule (?h.cortex.label), or see whether the "
+            "map is right beside it"
         )
 
 

@@ -80,8 +80,8 @@ class Smoothing:
         """log of the share of the surface's area over that of the disk's (V,), smoothed, on any of
         its `Disk`s.
 
-        Two disk maps of one surface differ by a smooth factor, the slope of a Möbius map. It is added
-        after the smoothing.
+        Two disk maps of one surface differ by a smooth factor, the slope of a Möbius map. It is
+        added after the smoothing.
         """
         if sigma not in self.densities:
             self.heat(sigma)
@@ -233,7 +233,7 @@ class RotationSearch:
         self.some = np.random.default_rng(0).choice(len(here), POINTS, p=features.areas)
         few, _ = features.sides[1].few(SCALE)
         self.here, self.values = here[self.some] * features.shares / POINTS, values[few]
-        # The nearest vertex to each cell of a grid that the sphere runs through: many rotations ask.
+        # Many rotations ask for the nearest vertex to each cell of a grid on the sphere.
         cells = np.indices((2 * CELLS + 1,) * 3).reshape(3, -1).T / CELLS - 1
         near = abs(np.linalg.norm(cells, axis=1) - 1) < 1 / CELLS
         self.nearest = np.zeros(len(cells), int)

@@ -46,7 +46,7 @@ def origins(numbers, n_vertices):
 
 
 def places_of(numbers, table):
-    """Where numbers (n, ...) stand in a table (V,) of different ones, -1 for those that it lacks."""
+    """Where numbers (n, ...) stand in a table (V,) of different ones, -1 for those it lacks."""
     places = np.full(max(table.max(), numbers.max()) + 1, -1)
     places[table] = np.arange(len(table))
     return places[numbers]

@@ -75,7 +75,7 @@ def _conformal_map(surface):
 
 
 def _turned(f, loop):
-    """The map turned so that the first vertex of the boundary lies at 1, all of it on the circle."""
+    """The map turned so that the first vertex of the boundary lies at 1, all on the circle."""
     f = f / f[loop[0]]
     f[loop] /= abs(f[loop])
     return f

@@ -92,8 +92,8 @@ def finger_message(surface, finger):
     place = ", ".join(f"{x:.0f}" if unit else f"{x:.2g}" for x in surface.vertices[finger].mean(0))
     length = depths(surface, finger)[finger].max()
     return (
-        f"a finger of {len(finger)} vertices, {length:.3g}{unit} long, near ({place}){unit}: the map "
-        "is not conformal there, and the fit leaves it out"
+        f"a finger of {len(finger)} vertices, {length:.3g}{unit} long, near ({place}){unit}: the "
+        "map is not conformal there, and the fit leaves it out"
     )
 
 

@@ -31,7 +31,7 @@ def gauss_newton(
 
 @threadpool_limits.wrap(limits=1)
 def coarse_steps(problem, steps=1, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma):
-    """`few_steps` from the fit settled on a coarse polar mesh: CP-Net's exact counterpart, f (V,)."""
+    """`few_steps` from the fit settled on a coarse polar mesh: CP-Net's exact counterpart (V,)."""
     weights = Weights(alpha, beta, gamma)
     level = Level(COARSE[0], None, 5, rising=True)
     mesh = polar(*COARSE)

@@ -69,7 +69,8 @@ def cpnet_steps(
 def guarded(
     problem, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma, tolerance=TIGHT_TOLERANCE
 ):
-    """`register(method="network")`: the networks' map, or their exact counterparts' where it falls short.
+    """`register(method="network")`: the networks' map, or where it falls short their
+    exact counterparts'.
 
     A RepairWarning says each step aside.
     """
