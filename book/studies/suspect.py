@@ -7,7 +7,7 @@ Pairs are drawn from the two hemispheres of fsaverage5 (the right one mirrored) 
 are made up that they were cut from. Four to eleven curves a pair, by their ends or whole, either
 method; or one or two, or the folds alone, the other curves held out and the nearest curve's name an
 annotation. All are registered. Writes qclearn/benchmark/results/suspect.json, every case with its
-values. Finished cases are kept and not run again.
+values. A stopped run goes on at the commit that it began with.
 """
 
 import re
@@ -23,7 +23,7 @@ from tqdm import tqdm
 
 import qclearn as qc
 from data_synth.cohort import cohort
-from qclearn.benchmark.measured import RESULTS, plain, read_measured, write_measured
+from qclearn.benchmark.measured import RESULTS, plain, write_measured
 from qclearn.io.checkpoint import Checkpoint
 from qclearn.io.provenance import commit
 from qclearn.plane.disk import Disk
@@ -233,11 +233,11 @@ def main(also, out):
     wanted = sorted(
         ((kind, k) for kind, count in COUNTS.items() for k in range(count)), key=lambda c: c[1] / COUNTS[c[0]]
     )
-    done = read_measured("suspect", out)["cases"] if Path(out).is_file() else []
-    done = {(case["kind"], case["number"]): case for case in done}
-    settings = {"vertices": VERTICES, "also": list(also)}
+    # A stopped run goes on only at the commit that it began with.
+    settings = {"vertices": VERTICES, "also": list(also), "commit": commit()}
     checkpoint = Checkpoint(f"{out}.partial", settings, click.ClickException)
-    for kind, number in tqdm([task for task in wanted if task not in done]):
+    done = {}
+    for kind, number in tqdm(wanted):
         done[kind, number] = checkpoint.json(f"{kind} {number}.json", partial(measure, kind, number, (real, synthetic)))
     cases = [done[key] for key in sorted(done)]
     figures = {"commit": commit(), "vertices": VERTICES, "limits": diagnose.LIMITS, "cases": cases}
