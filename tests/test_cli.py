@@ -8,6 +8,7 @@ from contextlib import suppress
 from functools import partial
 from types import SimpleNamespace
 
+import click
 import nibabel
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ import pytest
 import meshes
 from known_surfaces import sphere
 from qclearn import read_values
-from qclearn.cli import main
+from qclearn.cli import cli, main
 from qclearn.io.fsaverage import fsaverage5, whole_fsaverage5
 from qclearn.io.meshes import read_surface, write_surface
 from qclearn.io.values import write_values
@@ -290,6 +291,12 @@ def test_every_reason_and_exit_code_is_explained_in_the_help(capsys):
     ):
         assert re.search(rf"^ +{word}: +\S", explained, re.MULTILINE), word
     assert re.search(r"0 +registered\n +2 +refused: .*\n +3 +written, but suspect", explained)
+
+
+@pytest.mark.parametrize("command", sorted(cli.commands))
+def test_every_option_has_a_help_text(command):
+    options = [one for one in cli.commands[command].params if isinstance(one, click.Option) and not one.hidden]
+    assert [one.opts[-1] for one in options if not one.help] == []
 
 
 def test_features_from_files_and_held_out_curves_reach_the_pipeline(folder, capsys):

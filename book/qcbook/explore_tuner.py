@@ -17,7 +17,10 @@ class Tuner(Live):
     """Weights, landmarks and targets of the landmark fit, of the page on live tuning."""
 
     page = "tuner"
-    initial = MappingProxyType(START | {"solver": "exact", "mesh": "coarser", "looks": "2", "lambda": 10.0})
+    # With this gamma landmarks hardly move yet: the reader's first move fits.
+    initial = MappingProxyType(
+        START | {"gamma": 1.0, "solver": "exact", "mesh": "coarser", "looks": "2", "lambda": 10.0}
+    )
     meshes = MappingProxyType({"coarser": COARSE, "finer": FINE})
 
     def files(self):

@@ -20,7 +20,7 @@ PROVED = ("def-", "lem-", "prop-", "thm-", "rem-")  # how labels of theorems and
 BOUNDS = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
 VERDICTS = {
     *("right", "right, corrected", "wrong as printed", "undecided", "overstated", "made", "made otherwise", "not made"),
-    *("holds", "holds here", "does not hold here", "holds for one control", "a slip", "changes results"),
+    *("holds", "holds here", "does not hold here", "holds for one control", "a misprint", "changes results"),
     *("the saving holds", "the saving does not hold"),
     *("agrees", "agrees in direction only", "turned round", "not settled"),
 }

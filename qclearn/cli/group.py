@@ -27,7 +27,14 @@ from .output import fail, output_folder, say
     "--mirror", multiple=True, metavar="SUBJECT", help="Mirror one first (right to left)."
 )
 @units_option
-@click.option("--feature", "features", multiple=True, type=click.Choice(FOLDS), default=FOLDS)
+@click.option(
+    "--feature",
+    "features",
+    multiple=True,
+    type=click.Choice(FOLDS),
+    default=FOLDS,
+    help="What is matched; repeatable.",
+)
 @click.option("--rounds", type=int, default=4, help="At most so many; 0: Möbius maps alone.")
 @click.option("--delta", type=float, default=BY_DISKS, help="Weight of the features' mismatch.")
 @click.option("--folder", help="Where finished rounds are stored  [default: rounds in --out]")

@@ -34,14 +34,19 @@ def sphere(registration, control_sphere, out):
     fsaverage5:right; any radius is scaled to 100. If the control is a person, take its sphere.reg,
     which leads on to fsaverage.
 
+    Workbench, values from the moving surface to the control; for the way back exchange the spheres:
+
     \b
-    Workbench, values from the moving surface to the control and back:
-      wb_command -metric-resample IN.func.gii DIR/sphere.reg.surf.gii CONTROL_SPHERE.surf.gii BARYCENTRIC OUT.func.gii
-      wb_command -metric-resample IN.func.gii CONTROL_SPHERE.surf.gii DIR/sphere.reg.surf.gii BARYCENTRIC OUT.func.gii
+        wb_command -metric-resample IN.func.gii DIR/sphere.reg.surf.gii \\
+          CONTROL_SPHERE.surf.gii BARYCENTRIC OUT.func.gii
+
     FreeSurfer, under a name that is not the subject's own sphere.reg:
-      cp DIR/sphere.reg $SUBJECTS_DIR/SUBJECT/surf/lh.qclearn.sphere.reg
-      mri_surf2surf --srcsubject SUBJECT --trgsubject fsaverage5 --hemi lh --srcsurfreg qclearn.sphere.reg
-        --trgsurfreg sphere.reg --sval lh.thickness --tval OUT.mgh --cortex
+
+    \b
+        cp DIR/sphere.reg $SUBJECTS_DIR/SUBJECT/surf/lh.qclearn.sphere.reg
+        mri_surf2surf --srcsubject SUBJECT --trgsubject fsaverage5 --hemi lh \\
+          --srcsurfreg qclearn.sphere.reg --trgsurfreg sphere.reg \\
+          --sval lh.thickness --tval OUT.mgh --cortex
 
     The sphere lies on the control's hemisphere, and says so: of a right surface registered with
     --mirror it is a left one, with the faces of the mirrored surface. Workbench takes maps of the

@@ -24,7 +24,12 @@ FIGURES = {  # of the benchmark's table: key of a run's summary -> head of the c
 
 @click.command()
 @click.argument("network", type=click.Choice(["ldnet", "cpnet", "dbsnet"]))
-@click.option("--preset", type=click.Choice(["best", "paper"]), default="best")
+@click.option(
+    "--preset",
+    type=click.Choice(["best", "paper"]),
+    default="best",
+    help="best: our own network; paper: the paper's, with its errata corrected.",
+)
 @click.option("--gamma", type=float, help="Of the paper's CP-Net alone: 1e4, 1e5 or 2e5.")
 @click.option("--out", required=True, help="Folder; an interrupted run in it goes on.")
 @click.option("--data", help="Folder of training sets  [default: the user's cache]")
@@ -35,8 +40,10 @@ FIGURES = {  # of the benchmark's table: key of a run's summary -> head of the c
 def train(network, preset, gamma, out, data, steps, seed, quick, threads):
     """Train a network by the recipe of its shipped weights; write log, checkpoint and weights.
 
-    `torchrun` runs it on several processes or machines: torchrun --nproc-per-node 2 -m qclearn
-    train dbsnet --out run.
+    `torchrun` runs it on several processes or machines:
+
+    \b
+        torchrun --nproc-per-node 2 -m qclearn train dbsnet --out run
     """
     from ..nets.run import run_training
 
@@ -53,7 +60,7 @@ def train(network, preset, gamma, out, data, steps, seed, quick, threads):
 @click.command()
 @click.option("--out", required=True, help="JSON file; a stopped run goes on from FILE.partial.")
 @click.option("--subjects", type=int, default=24, help="How many of the synthetic cohort's 24.")
-@click.option("--vertices", type=int, default=10_000)
+@click.option("--vertices", type=int, default=10_000, help="Of each synthetic subject.")
 @click.option(
     "--set",
     "sets",
@@ -96,8 +103,11 @@ def benchmark(
     NAME.npz, with curves of the same names. conte69 needs `pip install 'qclearn[conte69]'`,
     competitors on spheres need `pip install 'qclearn[peers]'`.
 
-    COMMAND may name {moving}, {moving_sphere}, {control}, {control_sphere} and {out}: GIFTI surfaces
-    and spheres in, the moving sphere on the control's out.
+    The COMMAND of a --program reads GIFTI surfaces and their spheres, and writes the moving sphere
+    as it lies on the control's. The benchmark puts files in place of the names in braces:
+
+    \b
+        --program NAME='COMMAND {moving} {moving_sphere} {control} {control_sphere} {out}'
     """
     from ..benchmark.run import benchmark as run_benchmark
     from ..benchmark.runs import program_of, run_of

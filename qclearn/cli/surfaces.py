@@ -71,7 +71,12 @@ def agreed(hemisphere, side, name):
 @click.command()
 @click.argument("registration")
 @click.argument("values")
-@click.option("--to", type=click.Choice(["moving", "control"]), required=True)
+@click.option(
+    "--to",
+    type=click.Choice(["moving", "control"]),
+    required=True,
+    help="The surface that gets the values; VALUES belong to the other one.",
+)
 @click.option("--nearest", is_flag=True, help="The nearest vertex's value; for labels and .annot.")
 @hemisphere_option
 @click.option(
@@ -147,7 +152,7 @@ def require_same(out, beside, cortex):
 
 @click.command()
 @click.option("--seed", type=int, help="Which individual  [default: 0]")
-@click.option("--vertices", type=int, default=10_000)
+@click.option("--vertices", type=int, default=10_000, help="Of each hemisphere.")
 @click.option(
     "--hemisphere", type=click.Choice(["left", "right"]), help="[default: the name's, or left]"
 )

@@ -11,6 +11,7 @@ import pytest
 from nbformat.v4 import new_code_cell, new_notebook, new_output
 
 from book.builder import costs, execute_pages, references, teaching
+from book.builder.core import CORE
 from book.builder.graded import EXERCISES
 from book.builder.reading import minutes_of_text
 
@@ -43,6 +44,15 @@ def test_the_weeks_fit_and_have_pages_exercises_and_work_in_class():
     assert {EXERCISES[name].page for name in teaching.plan()["day"]["exercises"]} <= set(
         teaching.plan()["day"]["pages"]
     )
+
+
+def test_a_class_works_on_the_pages_of_its_week_and_meets_the_core_path():
+    kept = []
+    for week, pages, _ in teaching.weeks():
+        kept += pages
+        for _, text in week["class"]:
+            assert set(re.findall(r"\{(\w+)\}", text)) <= set(pages), f"{week['title']}: {text}"
+    assert set(CORE) <= set(kept)
 
 
 def test_a_week_that_is_too_long_is_found(plan):

@@ -4,7 +4,7 @@ its own."""
 from docutils import nodes
 from docutils.utils import new_document
 
-from qcbook.sphinxpages import JoinFolded, mark_silent
+from qcbook.sphinxpages import JoinFolded, escape_text, mark_silent
 
 
 def cell(code, folded, prints=False):
@@ -42,3 +42,18 @@ def test_long_imports_are_folded():
     assert joined(cell(imports, False)) == [("input", [imports])]
     for seen in (imports + "\nc = 1", imports.partition("\n")[2], "%matplotlib inline\n" * 8):
         assert joined(cell(seen, False)) == [(None, [seen])]
+
+
+def test_shell_lines_of_a_help_text_are_code_and_stay_as_they_are():
+    help_text = [
+        "On a*b:",
+        "",
+        "|     run $A_/*.gii \\",
+        "|       --out `b`",
+        "",
+        "| word:  the `name`",
+        "|         and a*b",
+    ]
+    escape_text(None, None, help_text)
+    block = [".. code-block:: shell", "", "    run $A_/*.gii \\", "      --out `b`", ""]
+    assert help_text == ["On a\\*b:", "", *block, "| word:  the ``name``", "|         and a\\*b"]

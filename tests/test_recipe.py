@@ -1,0 +1,51 @@
+"""The recipe for a folder of FreeSurfer subjects runs as the page 'Your own brain' prints it."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import nibabel
+import nilearn
+import numpy as np
+import pytest
+from nilearn.surface import load_surf_mesh
+
+import qclearn as qc
+from book.builder.references import markdown_of
+from freesurfer import GEOMETRY
+from test_whole import label
+
+WHITE = Path(nilearn.__path__[0], "datasets", "data", "fsaverage5")
+
+
+def made(folder, surface, cortex):
+    """A subject's folder with its left white surface and the label of its cortex."""
+    for name in ("surf", "label"):
+        (folder / name).mkdir(parents=True)
+    nibabel.freesurfer.write_geometry(folder / "surf" / "lh.white", *surface, volume_info=GEOMETRY)
+    label(folder / "label" / "lh.cortex.label", cortex)
+
+
+@pytest.mark.slow
+def test_a_folder_of_subjects_goes_onto_fsaverage5_and_makes_a_template(tmp_path):
+    (recipe,) = re.findall(r"```sh\n(cd \$SUBJECTS_DIR && .*?)```", markdown_of("ownbrain"), re.DOTALL)
+    left, right = (qc.Surface(*load_surf_mesh(WHITE / f"white_{side}.gii.gz")) for side in ("left", "right"))
+    cortex, other = (qc.fsaverage5(side).original_vertices for side in ("left", "right"))
+    mirrored = qc.mirror(right)
+    made(tmp_path / "anna", (left.vertices, left.faces), cortex)
+    made(tmp_path / "ben", (mirrored.vertices, mirrored.faces), other)
+    bent = left.vertices * [1.06, 0.97, 1.02] + 1.5 * np.sin(left.vertices[:, [1, 2, 0]] / 15)
+    made(tmp_path / "cleo", (bent, left.faces), cortex)
+    program = tmp_path / "bin" / "qclearn"
+    program.parent.mkdir()
+    program.write_text(f'#!/bin/sh\nexec {sys.executable} -m qclearn "$@"\n')
+    program.chmod(0o755)
+    known = os.environ | {"SUBJECTS_DIR": str(tmp_path), "PATH": f"{program.parent}:{os.environ['PATH']}"}
+    for _ in range(2):  # the second time it skips what is there
+        ran = subprocess.run(["bash", "-ec", recipe], env=known, capture_output=True, text=True, check=True)
+    assert "qc/anna" not in ran.stdout and "it stands still" in ran.stdout
+    made_here = {path.name for path in (tmp_path / "qc").iterdir()}
+    assert {"anna", "ben", "cleo", "lh.anna.npz", "lh.ben.npz", "lh.cleo.npz", "group.html", "group.csv"} == made_here
+    assert len(list((tmp_path / "template").glob("registration-*.npz"))) == 3
