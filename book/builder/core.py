@@ -16,8 +16,8 @@ from .references import markdown_of
 
 CORE = ("firstregistration", "quasiconformal", "lbs", "freeboundary", "fit", "live", "baseline", "whennetwork")
 STAR = " ★"
-# A figure, or the upper panel of a column: fig-name@2-3 is that of the second of three.
-THUMB, WIDTH = re.compile(r"_assets/thumbs/((fig-[\w-]+)(?:@(\d)-(\d))?)\.png"), 480
+# A figure, or a part of it: fig-name@0-10-50-90 is from 0 to 50 % of its width and from 10 to 90 % of its height.
+THUMB, WIDTH = re.compile(r"_assets/thumbs/((fig-[\w-]+)(?:@(\d+)-(\d+)-(\d+)-(\d+))?)\.png"), 480
 
 
 def write_thumbs(executed):
@@ -29,12 +29,11 @@ def write_thumbs(executed):
             if name := output.get("metadata", {}).get("scrapbook", {}).get("name"):
                 shown[name] = output["data"]["image/png"]
     folder.mkdir(parents=True, exist_ok=True)
-    for file, figure, panel, panels in THUMB.findall(markdown_of("index")):
+    for file, figure, *edges in THUMB.findall(markdown_of("index")):
         if figure in shown:
             picture = Image.open(io.BytesIO(base64.b64decode(shown[figure]))).convert("RGB")
-            k, count = int(panel or 1), int(panels or 1)
-            part = picture.width // count
-            picture = picture.crop(((k - 1) * part, 0, k * part, min(picture.height, round(1.15 * part))))
+            if all(edges):
+                picture = picture.crop([int(edge) * side / 100 for edge, side in zip(edges, 2 * picture.size)])
             picture.thumbnail((WIDTH, WIDTH))
             picture.save(folder / f"{file}.png", optimize=True)
 

@@ -76,6 +76,7 @@ export function heat(picture, mesh, size, from = same) {
     const value = size[list[i]];
     image.data.set(value < 1 ? SHADES[Math.floor(255 * value)] : FOLD, 4 * i);
   }
+  picture.canvas.classList.add("qc-live-heat"); // live.css
   picture.pen.putImageData(image, 0, 0);
   picture.circle();
   const { pen } = picture;
