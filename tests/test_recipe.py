@@ -38,6 +38,7 @@ def test_a_folder_of_subjects_goes_onto_fsaverage5_and_makes_a_template(tmp_path
     made(tmp_path / "ben", (mirrored.vertices, mirrored.faces), other)
     bent = left.vertices * [1.06, 0.97, 1.02] + 1.5 * np.sin(left.vertices[:, [1, 2, 0]] / 15)
     made(tmp_path / "cleo", (bent, left.faces), cortex)
+    (tmp_path / "fsaverage").symlink_to(tmp_path / "anna")  # FreeSurfer's template beside them
     program = tmp_path / "bin" / "qclearn"
     program.parent.mkdir()
     program.write_text(f'#!/bin/sh\nexec {sys.executable} -m qclearn "$@"\n')
