@@ -87,8 +87,8 @@ class Problem:
 
     @cached_property
     def mobius(self):
-        """(a, theta) of the disk Möbius map that brings landmarks nearest to their targets; without
-        any, identity."""
+        """(a, theta) of the best Möbius map of these landmarks, the distinct ones of a pair, where
+        a fit begins; without any, identity."""
         return best_mobius(self.moving, self.target) if len(self.moving) else (0j, 0.0)
 
 

@@ -38,9 +38,10 @@ class Registration:
 
     points: the moving vertices on the control surface, in its unit of length; disk_map: the same in
     the control's disk; mu: measured coefficient of disk_moving -> disk_map; report: dict for JSON;
-    disk_moving, disk_control: the disk maps; curves: name -> (moving, control) curves in their
-    disks, (k,) complex each; uncertainty: the radius, mm, within which nine in ten vertices' true
-    points lie, if it was asked for.
+    disk_moving: the moving disk map, aligned to the control's by a Möbius map; disk_control: the
+    control's; curves: name -> (moving, control) curves in these disks, (k,) complex each;
+    uncertainty: the radius, mm, within which nine in ten vertices' true points lie, if it was asked
+    for.
     """
 
     points: Float[ndarray, " V 3"]
