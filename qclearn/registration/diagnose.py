@@ -318,7 +318,7 @@ def relative_gap(surface):
 
 
 def reasons(moving, rows, fit):
-    """Why the `CertifiedMap` of a moving surface, rows from `error_rows`, is suspect: messages."""
+    """Why the `CheckedMap` of a moving surface, rows from `error_rows`, is suspect: messages."""
     errors = [*large_error(mean_rows(rows)), *odd_curves(rows)] if rows else []
     return [*errors, *switched_rows(fit, moving), *strong_distortion(moving, fit.mu)]
 
@@ -388,7 +388,7 @@ def odd_curves(rows):
 
 
 def switched_rows(fit, surface):
-    """`rows:` where the `CertifiedMap` of a surface had to be repaired at many vertices."""
+    """`rows:` where the `CheckedMap` of a surface had to be repaired at many vertices."""
     count = len(surface.vertices)
     if fit.switched > LIMITS["rows"] * count:
         yield (

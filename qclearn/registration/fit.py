@@ -37,13 +37,13 @@ SPENT = (
 
 
 @dataclass(frozen=True)
-class CertifiedMap:
-    """A disk map of a problem with its certificate.
+class CheckedMap:
+    """A disk map of a problem with the certificate's verdict, which may be that it folds.
 
     f: the map, Möbius part included; mu: its measured coefficient; mobius: (a, theta);
-    landmark_error: mean |f(p) - q|, 0 without landmarks; bijective, flipped: the certificate;
-    fallbacks: messages on what else was done; switched: at how many vertices the repair switched
-    rows, the most of the maps tried.
+    landmark_error: mean |f(p) - q|, 0 without landmarks; bijective, flipped: the certificate's
+    verdict and the flipped faces; fallbacks: messages on what else was done; switched: at how many
+    vertices the repair switched rows, the most of the maps tried.
     """
 
     f: Complex[ndarray, " V"]
@@ -55,14 +55,14 @@ class CertifiedMap:
     fallbacks: tuple
     switched: int
 
-    def with_messages(self, *messages: str) -> "CertifiedMap":
+    def with_messages(self, *messages: str) -> "CheckedMap":
         """The same with more `fallbacks`."""
         return replace(self, fallbacks=(*self.fallbacks, *messages))
 
 
 @dataclass(frozen=True)
-class LandmarkFit(CertifiedMap):
-    """Result of `fit_landmarks`: a `CertifiedMap` and how the fit came to it.
+class LandmarkFit(CheckedMap):
+    """Result of `fit_landmarks`: a `CheckedMap` and how the fit came to it.
 
     steps: Gauss-Newton steps on the polar mesh and on the given one; losses: L_mu, L_grad_mu,
     L_Landmark, L_CP of the coefficient field, L_features and L_area; r: feature -> correlation
@@ -90,8 +90,8 @@ def fit_landmarks(
     watch: Callable | None = None,
     enough: float = 0.0,
 ) -> LandmarkFit:
-    """The quasi-conformal disk map that takes landmarks `moving` to `target`: a LandmarkFit,
-    certified or reported.
+    """The quasi-conformal disk map that takes landmarks `moving` to `target`: a LandmarkFit, whose
+    `bijective` says whether it is certified.
 
     Minimises `alpha mean|nu|^2 + beta mean|grad nu|^2 + gamma mean|M(f(p)) - q|^2` (means over the
     unit disk and over the M landmarks), to second order in nu the paper's L_CP. If this or the mean
@@ -276,7 +276,7 @@ def instead(fit, plain):
 
 
 def report_fit(objective, state, steps):
-    """Certify a state's map and gather what `fit_landmarks` returns."""
+    """The LandmarkFit of a state: its map with the certificate's verdict, and its losses."""
     mu, weights = bounded(state.nu), objective.weights
     off = abs(state.points - objective.problem.target)
     losses = {
@@ -292,16 +292,17 @@ def report_fit(objective, state, steps):
         if term is not None:
             losses[name] = float((term.residual(state.f) ** 2).sum() / weight)
     messages = solver_messages(state.solution, state.switched)
-    result = certified(objective.problem, state.f, state.mobius, messages, state.switched)
+    result = checked(objective.problem, state.f, state.mobius, messages, state.switched)
     return LandmarkFit(**vars(result), steps=steps, losses=losses)
 
 
-def certified(problem, f, parameters, fallbacks=(), switched=0):
-    """The CertifiedMap of a problem's map f (V,), which holds the Möbius parameters."""
+def checked(problem, f, parameters, fallbacks=(), switched=0):
+    """The CheckedMap of a problem's map f (V,), which includes the Möbius map of these
+    parameters; it may fold."""
     certificate, mu = problem.disk.certify(f), problem.disk.coefficient(f)
     off = abs(problem.samples @ f - problem.target)
     error = float(off.mean()) if len(off) else 0.0
-    return CertifiedMap(
+    return CheckedMap(
         f,
         mu,
         parameters,
@@ -314,23 +315,24 @@ def certified(problem, f, parameters, fallbacks=(), switched=0):
 
 
 def moved_map(problem, f, fallbacks=()):
-    """M after f (V,), M the disk Möbius map with the least `mean |M(f(p)) - q|^2`: CertifiedMap."""
+    """M after f (V,), M the disk Möbius map with the least `mean |M(f(p)) - q|^2`: CheckedMap,
+    not repaired."""
     parameters = best_mobius(problem.samples @ f, problem.target)
     f = mobius(f, *parameters)
     f[problem.disk.loop] /= abs(f[problem.disk.loop])
-    return certified(problem, f, parameters, fallbacks)
+    return checked(problem, f, parameters, fallbacks)
 
 
 def exact_map(problem, mu):
     """`moved_map` of the exact solver's map for mu (F,), solved again with switched rows where it
-    folds."""
+    folds; the CheckedMap may fold even then."""
     solver = DiskSolver(problem.disk)
     f = solver.solve(mu)
     result = moved_map(problem, f, solver_messages(solver))
     if result.bijective:
         return result
     f, rows, _ = unfold(solver, mobius(f, *result.mobius))
-    return certified(problem, f, result.mobius, solver_messages(solver, len(rows)), len(rows))
+    return checked(problem, f, result.mobius, solver_messages(solver, len(rows)), len(rows))
 
 
 def solver_messages(solver, switched=0):

@@ -16,7 +16,7 @@ from ..surfaces.units import other_units, relative_units
 from .curves import check_curves, held_apart
 from .diagnose import diagnose_landmarks
 from .features import FOLDS, check_features, featured
-from .fit import certified, fit_with_fallbacks
+from .fit import checked, fit_with_fallbacks
 from .networks import TOLERANCE, certified_network_map, gamma_messages, predicted
 from .pair import SurfacePair, align_disks, sample_landmarks
 from .problem import BY_DISKS, DELTA, ETA, LandmarkError, Weights
@@ -190,7 +190,7 @@ def register(
     # The map is fitted, or predicted by the networks, and certified.
     if stopped:
         with stages("map"):
-            fit = certified(landmarks.problem, pair.moving.disk.z, (0j, 0.0))
+            fit = checked(landmarks.problem, pair.moving.disk.z, (0j, 0.0))
     elif networks:
         fit = fit_by_networks(
             networks, pair.features, landmarks.problem, weights, tolerance, stages
