@@ -389,10 +389,10 @@ class Match:
         cost, w, places, residual = self.after(parameters)
         for _ in range(ROUNDS):
             slopes = (self.shares * self.image.slopes(places)).conj()
-            J = -(slopes[:, :, None] * mobius_fields(w)[:, None]).real.reshape(-1, 3)
-            normal = J.T @ J
+            D = -(slopes[:, :, None] * mobius_fields(w)[:, None]).real.reshape(-1, 3)
+            normal = D.T @ D
             damped = normal + damping * np.diag(np.diag(normal))
-            turn, real, imaginary = np.linalg.solve(damped, -J.T @ residual)
+            turn, real, imaginary = np.linalg.solve(damped, -D.T @ residual)
             shift = complex(real, imaginary)
             tried = compose_mobius(parameters, (shift / np.sqrt(1 + abs(shift) ** 2), turn))
             after = self.after(tried)

@@ -2,9 +2,19 @@
 
 `fit_problem` (landmarks) and `fit_registration` (landmarks and features) run a
 `MultiresolutionFit`, compare its answer with the best Möbius map, and certify it;
-`fit_with_fallbacks` lowers the weights where no map is bijective. Objective: `nu^* W nu + gamma
-mean |M(f(p)) - q|^2 + delta sum_c a_c sum_k w_k (I_c(x_k) - J_c(M f(x_k)))^2
-+ eta mean (log J)^2`, J the areal scale from surface to surface.
+`fit_with_fallbacks` lowers the weights where no map is bijective. Objective:
+
+    `nu^* W nu + gamma mean |M(f(p)) - q|^2
+    + delta sum_c a_c sum_k w_k (s_c(x_k) - t_c(M f(x_k)))^2 + eta mean (log J)^2`
+
+mu = T(nu): the coefficient, T the activation `bounded` of plane/coefficients.py; nu is a free
+    complex field on a polar mesh, interpolated to the mapped mesh's faces before T is applied.
+W = alpha mass + beta Laplace: the prior's matrix; with areas its mass is the moving surface's.
+f, M: the solver's map of mu, and the disk Möbius map after it; a result's `f` is M f.
+s_c, t_c: the c-th feature of the moving surface and of the control; a, w: as in `FeatureTerm`.
+J: the areal scale from surface to surface. The residuals' derivative is D (gauss_newton.py).
+
+What is minimised is the energy of nu; what is reported, L_mu and L_grad_mu, is that of mu = T(nu).
 """
 
 from collections.abc import Callable, Sequence

@@ -5,10 +5,10 @@ r of the mapped mesh, `dr = Re(conj(R) dw)`, from landmarks, features and areas.
 linearises r at a `State`, solves the quadratic model, and searches along the solution.
 
 Three classes solve the model; `propose()` returns a `Change`. `DirectStep` (landmarks on the
-polar mesh) holds the whole derivative J of r by nu. `DualStep` (landmarks) and `PrimalStep`
-(features or areas) are for large meshes: they multiply by J through `pushforward` and by its
+polar mesh) holds the whole derivative D of r by nu. `DualStep` (landmarks) and `PrimalStep`
+(features or areas) are for large meshes: they multiply by D through `pushforward` and by its
 transpose through `pullback`, two solves of the map's equations per product, in conjugate gradients.
-The landmarks' rows of J, in closed form, precondition these, and the products of one step correct
+The landmarks' rows of D, in closed form, precondition these, and the products of one step correct
 the preconditioner of the next.
 """
 
@@ -67,7 +67,7 @@ TRIES = 4
 # Landmarks whose adjoint equations are solved together, which bounds the memory.
 LANDMARKS_AT_ONCE = 16
 
-# Work of a level, in parts of one exact map: of a product with J and its transpose, and of a round
+# Work of a level, in parts of one exact map: of a product with D and its transpose, and of a round
 # of the repair.
 PRODUCT_WORK = 0.35
 REPAIR_WORK = 1.4
@@ -90,26 +90,26 @@ class Change(NamedTuple):
 
 
 class DirectStep:
-    """Landmarks alone with their whole Jacobian J: the dual equations `S y = r - J nu`, `S = 1 + J
-    W^-1 J^T`, whose solution y is the residual that the step leaves."""
+    """Landmarks alone with their whole derivative D: the dual equations `S y = r - D nu`, `S = 1 + D
+    W^-1 D^T`, whose solution y is the residual that the step leaves."""
 
     preconditioner = None
 
     def __init__(self, objective, state, gamma):
         self.nu = state.nu
         self.residual = objective.residual(state, gamma)
-        self.J = objective.jacobian(state, gamma)
+        self.D = objective.jacobian(state, gamma)
         fields = objective.samples @ mobius_fields(state.f)
         self.by_mobius = objective.landmarks.components(fields, gamma)
-        self.lifted = objective.solve_prior(self.J.T)
-        self.gram = (self.J.conj() @ self.lifted).real
+        self.lifted = objective.solve_prior(self.D.T)
+        self.gram = (self.D.conj() @ self.lifted).real
 
     def propose(self, damping=0.0):
         """The `Change` by one dense solve of the landmarks' size; damping d adds `d (change^* W
         change)` to the model, and the same for the Möbius part."""
         share, weight = 1 / (1 + damping), MOBIUS_PRIOR + damping
         gram = share * self.gram + self.by_mobius @ self.by_mobius.T / weight
-        constant = self.residual - share * (self.J.conj() @ self.nu).real
+        constant = self.residual - share * (self.D.conj() @ self.nu).real
         y = solve_dual(gram, constant)
         turn, real, imaginary = -self.by_mobius.T @ y / weight
         # Undamped, the model's least objective is constant . y.
@@ -123,7 +123,7 @@ def solve_dual(gram, constant):
 
 
 class ProductStep:
-    """Products with J, the residuals' derivative at a state, by changes x of nu and of the Möbius
+    """Products with D, the residuals' derivative at a state, by changes x of nu and of the Möbius
     parameters, real (2 N + 3,)."""
 
     def __init__(self, objective, state, gamma):
@@ -152,14 +152,14 @@ class ProductStep:
         return P * change + Q * change.conj()
 
     def forward(self, x):
-        """J x, the change of the residual with x."""
+        """D x, the change of the residual with x."""
         self.objective.work += PRODUCT_WORK
         dmu = self.activated(self.to_faces @ x[:-3].view(complex))
         dw = self.slope * self.state.solution.pushforward(dmu) + self.fields @ x[-3:]
         return (self.rows_conj @ dw).real
 
     def adjoint(self, y):
-        """J^T y."""
+        """D^T y."""
         grad_w = self.rows_T @ y
         grad_mu = self.state.solution.pullback(self.slope.conj() * grad_w)
         by_nu = self.to_faces_T @ self.activated(grad_mu)
@@ -206,30 +206,31 @@ def conjugate_gradients(product, precondition, rest, directions):
 
 
 class DualStep(ProductStep):
-    """Landmarks alone, the equations of `DirectStep` by products: `S = 1 + J diag(W, B)^-1 J^T`.
+    """Landmarks alone, the equations of `DirectStep` by products: `S = 1 + D diag(W, B)^-1 D^T`.
 
-    A matrix near S preconditions well at any gamma; one near `W + J^T J` does not, because that is
-    large where J is not quite 0. preconditioner: about `J W^-1 J^T` at gamma = 1, (2 M, 2 M).
+    A matrix near S preconditions well at any gamma; one near `W + D^T D` does not, because that is
+    large where D is not quite 0. preconditioner: about `D W^-1 D^T` at gamma = 1, (2 M, 2 M).
     """
 
     def __init__(self, objective, state, gamma):
         super().__init__(objective, state, gamma)
         if self.preconditioner is None:  # at the first state, from the closed form
-            J = objective.jacobian(state, 1.0)
-            self.preconditioner = (J.conj() @ objective.solve_prior(J.T)).real
+            D = objective.jacobian(state, 1.0)
+            self.preconditioner = (D.conj() @ objective.solve_prior(D.T)).real
 
     def propose(self, damping=0.0):
         """The `Change` by conjugate gradients; damping as of `DirectStep.propose`."""
-        share, weight, Jm = 1 / (1 + damping), MOBIUS_PRIOR + damping, self.by_mobius
+        share, weight = 1 / (1 + damping), MOBIUS_PRIOR + damping
         B = share * weight * np.eye(3)
+        by_mobius = self.by_mobius
         lifted, directions = [], []
 
         def product(y):
             lifted.append(share * self.lift(self.adjoint(y), B))
             return y + self.forward(lifted[-1])
 
-        mobius_part = Jm @ Jm.T / weight
-        S = np.eye(len(Jm)) + share * (self.gamma * self.preconditioner) + mobius_part
+        mobius_part = by_mobius @ by_mobius.T / weight
+        S = np.eye(len(by_mobius)) + share * (self.gamma * self.preconditioner) + mobius_part
         before = self.model()
         constant = self.residual - share * self.forward(self.nu)
         solve = conjugate_gradients(product, np.linalg.inv(S).__matmul__, constant, directions)
@@ -266,11 +267,11 @@ def corrected(gram, products, gamma):
 
 
 class PrimalStep(ProductStep):
-    """`(W + J^T J) x = -(W nu + J^T r)` with features or areas, x the change of nu and of the
+    """`(W + D^T D) x = -(W nu + D^T r)` with features or areas, x the change of nu and of the
     Möbius parameters, real.
 
-    `P = diag(W, B) + J_L^T J_L`, by Woodbury's formula, preconditions it: each of the landmarks'
-    rows J_L of a large gamma would else cost a step; B: the other terms' part on the Möbius
+    `P = diag(W, B) + D_L^T D_L`, by Woodbury's formula, preconditions it: each of the landmarks'
+    rows D_L of a large gamma would else cost a step; B: the other terms' part on the Möbius
     parameters. preconditioner: directions of the last step, products with them, and their sizes.
     """
 
@@ -283,16 +284,16 @@ class PrimalStep(ProductStep):
         self.B = MOBIUS_PRIOR * np.eye(3) + MOBIUS_SHARE * by_mobius.T @ by_mobius
         self.B += RELIEF * self.by_mobius.T @ self.by_mobius
         by_nu = np.ascontiguousarray(objective.jacobian(state, gamma)).view(float)
-        self.J = np.hstack([by_nu, self.by_mobius])
-        self.lifted = self.lift(self.J.T, self.B)
-        self.S = np.linalg.inv(np.eye(len(self.J)) + self.J @ self.lifted)
+        self.D_L = np.hstack([by_nu, self.by_mobius])
+        self.lifted = self.lift(self.D_L.T, self.B)
+        self.S = np.linalg.inv(np.eye(len(self.D_L)) + self.D_L @ self.lifted)
 
     def precondition(self, g):
         """`P^-1 g`, corrected (BFGS) to be exact in the last step's directions."""
 
         def woodbury(g):
             x = self.lift(g, self.B)
-            return x - self.lifted @ (self.S @ (self.J @ x))
+            return x - self.lifted @ (self.S @ (self.D_L @ x))
 
         if self.preconditioner is None:
             return woodbury(g)

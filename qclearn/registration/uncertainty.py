@@ -57,7 +57,7 @@ class Laplace:
     """The posterior of a fit near its answer, dense on a polar mesh of few rings: covariance `G
     H^-1 G^T` of the map.
 
-    H = W + J^T J, W the prior and J the derivative of all residuals of the fit's own objective by
+    H = W + D^T D, W the prior and D the derivative of all residuals of the fit's own objective by
     nu and by the Möbius parameters, (K, K) with K = 2 N + 3; G (N, K) complex: the derivative of M
     f at the N nodes. mu (F,), mobius: the fit's.
     """
