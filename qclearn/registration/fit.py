@@ -164,7 +164,7 @@ def fit_registration(
 
     # From coarse features on a coarse mesh to fine ones; without landmarks maybe from two starts.
     multiresolution, begun = MultiresolutionFit(problem), ""
-    polar = [level for level in levels if not (level.own_mesh or level.proxy_rings)]
+    polar = [level for level in levels if level.on_nu_mesh]
     guiding = [level for level in polar if (level.sigma or 0) >= COARSE]
     if weights.eta and guiding and start is None and not len(problem.moving):
         objective, state, steps, begun = better_of_two_starts(

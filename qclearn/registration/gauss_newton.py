@@ -43,7 +43,8 @@ MOBIUS_SHARE = 0.02
 # Conjugate gradients: how many steps at most (dual steps are few, unless gamma is extreme).
 STEPS = 80
 DUAL_STEPS = 200
-# Share of the objective by which the model of a step on the caller's mesh must lower it.
+# Share of the objective by which the model of a step on the caller's mesh or its proxy must lower
+# it.
 MIN_DECREASE = 1e-3
 # Share of its gain by which a dual step may miss the model's least objective.
 FORCING = 0.1
@@ -71,8 +72,8 @@ LANDMARKS_AT_ONCE = 16
 # of the repair.
 PRODUCT_WORK = 0.35
 REPAIR_WORK = 1.4
-# The most that one level on the caller's mesh may take: MOST_WORK up to LOW_GAMMA, growing above by
-# the power GROWTH of gamma. The slowest good problems (book/studies/effort.py) took 8, 30, 94, 164
+# The most that one level on the caller's mesh or its proxy may take: MOST_WORK up to LOW_GAMMA,
+# growing above by the power GROWTH of gamma. The slowest good problems (book/studies/effort.py) took 8, 30, 94, 164
 # and 290 at gamma = 1e3, 1e5, 1e6, 1e7 and 1e8, and 70 with folds.
 MOST_WORK = 120.0
 LOW_GAMMA = 1e5
@@ -346,11 +347,12 @@ class State:
 
 
 class Discretization:
-    """What no weight changes of a `Problem` on a `CoefficientMesh`; own: the problem's disk is
-    mapped, or a proxy of it, not the mesh of nu."""
+    """What no weight changes of a `Problem` on a `CoefficientMesh`; on_nu_mesh: the polar mesh of
+    nu is mapped itself, not the problem's disk or a proxy of it."""
 
-    def __init__(self, problem, coefficient_mesh, own):
-        self.problem, self.coefficient_mesh, self.own = problem, coefficient_mesh, own
+    def __init__(self, problem, coefficient_mesh, on_nu_mesh):
+        self.problem, self.coefficient_mesh = problem, coefficient_mesh
+        self.on_nu_mesh = on_nu_mesh
         self.samples = coefficient_mesh.disk.sampling(problem.moving)
         self.landmarks = LandmarkTerm(problem.target, problem.curve, problem.sliding)
 
@@ -396,7 +398,8 @@ class GaussNewtonObjective:
     """The objective of a `Discretization` with `Weights`, and maybe a `FeatureTerm` and an
     `AreaTerm`: `state = at(nu, mobius)`, `value(state, gamma)`, `step(state, gamma)`.
 
-    Folds of the problem's own mesh are repaired; `work` counts what the steps cost there.
+    Folds are repaired on the problem's own mesh and on its proxy, not on the mesh of nu; `work`
+    counts what the steps cost and is bounded there.
     """
 
     def __init__(self, discretization, weights, features=None, areas=None):
@@ -411,7 +414,7 @@ class GaussNewtonObjective:
         self.factors = factorise(self.W)
         self.work, self.most_work = 0.0, np.inf
         self.last = None, None, None  # map, gamma and residual
-        if discretization.own:
+        if not discretization.on_nu_mesh:
             gamma = weights.gamma if len(self.problem.moving) else LOW_GAMMA
             self.most_work = MOST_WORK * max(gamma / LOW_GAMMA, 1.0) ** GROWTH
 
@@ -446,11 +449,11 @@ class GaussNewtonObjective:
 
     def state(self, nu, parameters, solution, f=None):
         """The `State` of the solver's map of nu and the Möbius map after it, or of a map f (V,) in
-        the place of both, repaired where it folds the problem's own mesh."""
+        the place of both, repaired where it folds a mesh that is not that of nu."""
         switched, rounds = (), 0
         if f is None:
             f = mobius(solution.f, *parameters)
-        if self.discretization.own:
+        if not self.discretization.on_nu_mesh:
             f, switched, rounds = unfold(solution, f)
         return State(nu, parameters, f, self.samples @ f, solution, len(switched), rounds)
 
@@ -486,7 +489,7 @@ class GaussNewtonObjective:
         On the problem's own mesh in closed form, a few percent off and without a solve, to
         precondition exact products; on a polar mesh exactly, by adjoint solves, which cost little.
         """
-        if not self.discretization.own:
+        if self.discretization.on_nu_mesh:
             return self.landmarks.jacobian(*self.exact_gradients(state), gamma)
         f = state.solution.f
         slope = self.samples @ mobius_slope(f, *state.mobius)
@@ -517,7 +520,7 @@ class GaussNewtonObjective:
 
     def linearise(self, state, gamma):
         """The quadratic model at a state, ready to `propose` a `Change`."""
-        alone = DualStep if self.discretization.own else DirectStep
+        alone = DirectStep if self.discretization.on_nu_mesh else DualStep
         return (PrimalStep if self.terms else alone)(self, state, gamma)
 
     def step(self, state, gamma, min_predicted_decrease=0.0):

@@ -21,8 +21,8 @@ from .gauss_newton import MIN_DECREASE, Discretization, GaussNewtonObjective
 from .problem import LandmarkError
 from .residuals import AreaTerm, FeatureTerm, Places
 
-# Share of the objective that a step on a polar mesh has to promise, as MIN_DECREASE on the
-# caller's.
+# Share of the objective that a step on the mesh of nu has to promise, as MIN_DECREASE on the
+# caller's or its proxy.
 MIN_DECREASE_ON_GRID = 1e-2
 # Share of the objective that two steps leave where the next is not worth its cost, on either mesh:
 # one step may gain little and the next one much.
@@ -52,12 +52,12 @@ class Level(NamedTuple):
     """One mesh of a fit, and its steps.
 
     rings: of the mesh of nu; sigma: the features' scale (None: landmarks alone); steps: at most;
-    own_mesh: map the surface's own mesh; min_predicted_decrease: share of the objective by which
+    own_mesh: map the caller's own mesh; min_predicted_decrease: share of the objective by which
     the model of a step must lower it; stall_ratio: share of the objective that two steps may leave
     if another is to follow, inf for any; share, most: gamma here is share times the caller's, and
     at most `most`; rising: raise gamma to that from FIRST_GAMMA, where nu is 0; proxy_rings: rings
-    of a polar mesh that is mapped in the own one's place, with its weights; skip_ratio: take no
-    step where the objective is at most so many times that of the level before.
+    of a polar mesh that is mapped in the own one's place, its proxy, with its weights; skip_ratio:
+    take no step where the objective is at most so many times that of the level before.
     """
 
     rings: int
@@ -72,9 +72,14 @@ class Level(NamedTuple):
     proxy_rings: int = 0
     skip_ratio: float = 0.0
 
+    @property
+    def on_nu_mesh(self):
+        """Whether the mesh of nu is mapped itself, not the caller's or its proxy."""
+        return not (self.own_mesh or self.proxy_rings)
+
     def weights(self, weights):
         """The `Weights` at this level."""
-        if self.own_mesh or self.proxy_rings:
+        if not self.on_nu_mesh:
             return weights
         delta, eta, sigma = weights.delta, weights.eta, self.sigma or 0.0
         if sigma >= COARSE:
@@ -137,10 +142,10 @@ class MultiresolutionFit:
         nu."""
         key = level.rings, level.own_mesh, level.proxy_rings
         if key not in self.discretizations:
+            rings, on_nu_mesh = level.rings, level.on_nu_mesh
             disk = polar(level.proxy_rings) if level.proxy_rings else self.problem.disk
-            rings, own = level.rings, level.own_mesh or level.proxy_rings > 0
-            mesh = CoefficientMesh(disk, polar(rings)) if own else polar_mesh(rings)
-            self.discretizations[key] = Discretization(self.problem, mesh, own)
+            mesh = polar_mesh(rings) if on_nu_mesh else CoefficientMesh(disk, polar(rings))
+            self.discretizations[key] = Discretization(self.problem, mesh, on_nu_mesh)
         return self.discretizations[key]
 
     def objective(self, level, weights, features=None):
@@ -170,7 +175,7 @@ class MultiresolutionFit:
     def area_term(self, level, discretization, eta, places):
         """The `AreaTerm` of one level; places: of the mapped vertices."""
         mapped = discretization.coefficient_mesh.disk
-        sigma = FINEST if discretization.own else level.sigma or LEVELS[0].sigma
+        sigma = (level.sigma or LEVELS[0].sigma) if level.on_nu_mesh else FINEST
         shares, moving = discretization.by_area(self.density("moving", sigma))
         if level.proxy_rings or level.skip_ratio:
             shares = np.where(abs(mapped.centroids) < RIM, shares, 0.0)
