@@ -133,7 +133,11 @@ def fit_problem(problem, weights, start=None, rings=None, watch=None, enough=0.0
         levels, weights, start, watch=watch, enough=enough
     )
     fit = report_fit(objective, state, (sum(steps[:-1]), steps[-1]))
-    return no_worse_than_mobius(objective, state, fit, levels[-1], watch)[0]
+    mobius_state = objective.at_mobius(problem.mobius)
+    if above_mobius(objective, state, mobius_state):
+        # Landmarks alone need no guiding levels, so that steps on the last one may succeed.
+        fit = restart_from_mobius(objective, fit, mobius_state, levels[-1], watch)
+    return note_spent_work(objective, fit, mobius_state)
 
 
 @threadpool_limits.wrap(limits=1)
@@ -173,10 +177,14 @@ def fit_registration(
     else:
         objective, state, steps = multiresolution.run(levels, weights, start, features, watch)
     fit = replace(report_fit(objective, state, steps), start=begun)
-    fit, plain = no_worse_than_mobius(objective, state, fit)
+    mobius_state = objective.at_mobius(problem.mobius)
+    if above_mobius(objective, state, mobius_state):
+        # No restart: on the last level alone features would lead it to the nearest valley.
+        fit = mobius_instead(fit, report_fit(objective, mobius_state, fit.steps))
+    fit = note_spent_work(objective, fit, mobius_state)
     if weights.delta > OVERFITS:
         fit = fit.with_messages(f"delta = {weights.delta:g} overfits: choose it by held-out curves")
-    r = zip(features.correlation(plain.f).tolist(), features.correlation(fit.f).tolist())
+    r = zip(features.correlation(mobius_state.f).tolist(), features.correlation(fit.f).tolist())
     return replace(fit, r=dict(zip(features.names, map(list, r))))
 
 
@@ -232,27 +240,9 @@ def limited(levels, disk):
     return [level._replace(rings=min(level.rings, most)) for level in levels]
 
 
-def no_worse_than_mobius(objective, state, fit, level=None, watch=None):
-    """The fit of a state and the state of the best Möbius map; where the fit ended above that map,
-    one by steps from there on a `level`, or else that map; with a message where the work is spent,
-    and then that map in place of one that folds."""
-    plain = objective.at_mobius(objective.problem.mobius)
-    if exceeds(objective, state, plain):
-        if level is None:
-            fit = instead(fit, report_fit(objective, plain, fit.steps))
-        else:
-            fit = fit_from_mobius(objective, fit, plain, level, watch)
-    if objective.spent:
-        if not fit.bijective:
-            fit = report_fit(objective, plain, fit.steps)
-            fit = fit.with_messages("the fit folds: the best Möbius map is returned")
-        fit = fit.with_messages(SPENT)
-    return fit, plain
-
-
-def exceeds(objective, state, plain):
-    """Whether a fit ends above the state `plain` of the best Möbius map, in objective or, without
-    features, in the landmarks' mean squared distance."""
+def above_mobius(objective, state, mobius_state):
+    """Whether a state lies above that of the best Möbius map, in objective or, without features, in
+    the landmarks' mean squared distance."""
 
     def sizes(state):
         yield objective.value(state, objective.weights.gamma)
@@ -260,29 +250,40 @@ def exceeds(objective, state, plain):
             yield (abs(state.points - objective.problem.target) ** 2).mean()
 
     return not all(
-        fitted <= (1 + ROUNDING) * best for fitted, best in zip(sizes(state), sizes(plain))
+        fitted <= (1 + ROUNDING) * best for fitted, best in zip(sizes(state), sizes(mobius_state))
     )
 
 
-def fit_from_mobius(objective, astray, plain, level, watch):
-    """The fit by steps from the best Möbius map in place of one that ended above it, or else
-    `instead` of that one."""
+def restart_from_mobius(objective, fit, mobius_state, level, watch):
+    """A second fit, by steps of a level from the best Möbius map, in place of one that ended above
+    that map; `mobius_instead` where the second fit ends above it, too."""
     objective.work = 0.0  # the restart may take as much as the fit before it
-    begin = objective.at(plain.nu, plain.mobius)
-    state, taken = run_level(objective, begin, level, watch)
-    steps = astray.steps[0], astray.steps[1] + taken
-    fit = report_fit(objective, state, steps)
-    if fit.bijective and not exceeds(objective, state, plain):
-        return fit.with_messages(f"{ABOVE}: {taken} steps from there")
-    return instead(astray, report_fit(objective, plain, steps))
+    start_state = objective.at(mobius_state.nu, mobius_state.mobius)
+    state, taken = run_level(objective, start_state, level, watch)
+    steps = fit.steps[0], fit.steps[1] + taken
+    second = report_fit(objective, state, steps)
+    if second.bijective and not above_mobius(objective, state, mobius_state):
+        return second.with_messages(f"{ABOVE}: {taken} steps from there")
+    return mobius_instead(fit, report_fit(objective, mobius_state, steps))
 
 
-def instead(fit, plain):
+def mobius_instead(fit, mobius_fit):
     """The best Möbius map in place of a fit that ended above it, unless that map alone folds the
     mesh."""
-    if plain.bijective or not fit.bijective:
-        return plain.with_messages(f"{ABOVE}: that map is returned")
+    if mobius_fit.bijective or not fit.bijective:
+        return mobius_fit.with_messages(f"{ABOVE}: that map is returned")
     return fit.with_messages(f"{ABOVE}: kept, as that map folds the mesh")
+
+
+def note_spent_work(objective, fit, mobius_state):
+    """The fit, with a message where its work is spent; then the best Möbius map in place of one
+    that folds."""
+    if not objective.spent:
+        return fit
+    if not fit.bijective:
+        fit = report_fit(objective, mobius_state, fit.steps)
+        fit = fit.with_messages("the fit folds: the best Möbius map is returned")
+    return fit.with_messages(SPENT)
 
 
 def report_fit(objective, state, steps):

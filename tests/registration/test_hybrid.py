@@ -14,7 +14,7 @@ from qclearn.plane.mobius import compose_mobius, mobius, mobius_inverse
 from qclearn.plane.tangent import CoefficientMesh
 from qclearn.registration import gauss_newton
 from qclearn.registration.features import Feature, featured, mobius_by_features
-from qclearn.registration.fit import fit_problem, fit_registration, instead
+from qclearn.registration.fit import fit_problem, fit_registration, mobius_instead
 from qclearn.registration.gauss_newton import Discretization, GaussNewtonObjective
 from qclearn.registration.multiresolution import (
     LARGE_LEVELS,
@@ -273,7 +273,7 @@ def test_an_objective_that_is_no_number_is_not_below(monkeypatch):
 @pytest.mark.parametrize("plain, fitted, words", [(1, 1, "that"), (0, 0, "that"), (1, 0, "that"), (0, 1, "kept")])
 def test_a_mobius_map_that_alone_folds_the_mesh_is_not_returned(twisted, plain, fitted, words):
     mobius_map, fit = (replace(twisted, bijective=bool(plain)), replace(twisted, bijective=bool(fitted)))
-    found = instead(fit, mobius_map)
+    found = mobius_instead(fit, mobius_map)
     assert found.bijective == bool(plain or fitted)
     assert found.fallbacks[-1].startswith(f"the fit ended above the best Möbius map: {words}")
 
