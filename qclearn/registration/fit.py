@@ -31,7 +31,14 @@ from ..plane.disk import Disk
 from ..plane.mobius import best_mobius, mobius
 from ..plane.solver import DiskSolver
 from .features import PLACED, Features, best_by_features
-from .multiresolution import COARSE, MultiresolutionFit, feature_levels, landmark_levels, run_level
+from .multiresolution import (
+    COARSE,
+    MultiresolutionFit,
+    Progress,
+    feature_levels,
+    landmark_levels,
+    run_level,
+)
 from .problem import DELTA, LandmarkError, Problem, Weights
 
 FEWEST_RINGS = 4  # of the polar mesh; half of them on the coarse one
@@ -76,12 +83,13 @@ class LandmarkFit(CheckedMap):
 
     steps: Gauss-Newton steps on the polar mesh and on the given one; losses: L_mu, L_grad_mu,
     L_Landmark, L_CP of the coefficient field, L_features and L_area; r: feature -> correlation
-    after the best Möbius map and after this one.
+    after the best Möbius map and after this one; start_message: which of two starts the fit of
+    features without landmarks went on from.
     """
 
     steps: tuple
     losses: dict
-    start: str = ""
+    start_message: str = ""
     r: dict = field(default_factory=dict)
 
 
@@ -120,8 +128,8 @@ def fit_landmarks(
 
 # On matrices of this size BLAS threads wait for each other: up to five times slower.
 @threadpool_limits.wrap(limits=1)
-def fit_problem(problem, weights, start=None, rings=None, watch=None, enough=0.0):
-    """`fit_landmarks` of a `Problem` with `Weights`."""
+def fit_problem(problem, weights, start_mu=None, rings=None, watch=None, enough=0.0):
+    """`fit_landmarks` of a `Problem` with `Weights`; start_mu: its `start`."""
     if rings is not None and not (isinstance(rings, (int, np.integer)) and rings >= FEWEST_RINGS):
         raise LandmarkError(
             f"rings = {rings!r}: give an integer from {FEWEST_RINGS}, or None to go by the mesh's "
@@ -130,7 +138,7 @@ def fit_problem(problem, weights, start=None, rings=None, watch=None, enough=0.0
     # From a coarse polar mesh to the caller's own.
     levels = landmark_levels(problem.disk, rings or rings_for(problem.disk))
     objective, state, steps = MultiresolutionFit(problem).run(
-        levels, weights, start, watch=watch, enough=enough
+        levels, weights, start_mu, watch=watch, enough=enough
     )
     fit = report_fit(objective, state, (sum(steps[:-1]), steps[-1]))
     mobius_state = objective.at_mobius(problem.mobius)
@@ -167,16 +175,16 @@ def fit_registration(
     levels = [level for level in limited(levels, problem.disk) if level.sigma or by_landmarks]
 
     # From coarse features on a coarse mesh to fine ones; without landmarks maybe from two starts.
-    multiresolution, begun = MultiresolutionFit(problem), ""
+    multiresolution, start_message = MultiresolutionFit(problem), ""
     polar = [level for level in levels if level.on_nu_mesh]
     guiding = [level for level in polar if (level.sigma or 0) >= COARSE]
     if weights.eta and guiding and start is None and not len(problem.moving):
-        objective, state, steps, begun = better_of_two_starts(
+        (objective, state, steps), start_message = better_of_two_starts(
             multiresolution, guiding, polar, levels[len(polar) :], weights, features, watch
         )
     else:
         objective, state, steps = multiresolution.run(levels, weights, start, features, watch)
-    fit = replace(report_fit(objective, state, steps), start=begun)
+    fit = replace(report_fit(objective, state, steps), start_message=start_message)
     mobius_state = objective.at_mobius(problem.mobius)
     if above_mobius(objective, state, mobius_state):
         # No restart: on the last level alone features would lead it to the nearest valley.
@@ -189,7 +197,7 @@ def fit_registration(
 
 
 def better_of_two_starts(multiresolution, guiding, polar, fine, weights, features, watch):
-    """GaussNewtonObjective, state and steps of a fit without landmarks, and a message on its start.
+    """The `Progress` of a fit without landmarks, and a message on its start.
 
     Where two surfaces are cut elsewhere their disks differ by more than a Möbius map, and folds
     lead it into valleys that are not theirs. A second fit begins where `Directions` lead. Unless it
@@ -198,8 +206,8 @@ def better_of_two_starts(multiresolution, guiding, polar, fine, weights, feature
     """
     problem, z = multiresolution.problem, multiresolution.problem.disk.z
 
-    def run(levels, begun=(None, None)):
-        return multiresolution.run(levels, weights, None, features, watch, begun=begun)
+    def run(levels, resumed=None):
+        return multiresolution.run(levels, weights, None, features, watch, resumed=resumed)
 
     # The crude spheres lead the map from their best Möbius map on.
     directions = problem.sides.directions
@@ -208,25 +216,28 @@ def better_of_two_starts(multiresolution, guiding, polar, fine, weights, feature
     state = leading.at(nothing, best_by_features(directions, z, PLACED))
     state, _ = run_level(leading, state, guiding[0], watch)
     apart = features.areas @ abs(leading.coefficient_mesh.disk.sampling(z) @ state.f - z)
-    fits = {"spheres": run(guiding, (leading, state))}
+    best = run(guiding, Progress(leading, state))
     message = f"by crude spheres, {apart:.2g} in the disk from the best Möbius map of features"
 
     # Far from the best Möbius map of features: fit from there as well, and take the better of both.
     if apart >= APART:
-        fits["features"] = run(guiding)
-        values = {
-            name: objective.value(state, objective.weights.gamma)
-            for name, (objective, state, _) in fits.items()
-        }
-        best, other = sorted(values, key=values.get)
-        message = (
-            f"by {best} (objective {values[best]:.4g}), not by {other} "
-            f"(objective {values[other]:.4g})"
-        )
-        fits = {"best": fits[best]}
-    (begun,) = fits.values()
-    objective, state, steps = run([*polar[len(guiding) :], *fine], begun)
-    return objective, state, begun[2] + steps, message
+        best, message = better_start({"spheres": best, "features": run(guiding)})
+    objective, state, steps = run([*polar[len(guiding) :], *fine], best)
+    return Progress(objective, state, best.steps + steps), message
+
+
+def better_start(fits):
+    """Of two fits, name -> `Progress`, the one whose objective is lower, and a message on both."""
+    values = {
+        name: objective.value(state, objective.weights.gamma)
+        for name, (objective, state, _) in fits.items()
+    }
+    lower, other = sorted(values, key=values.get)
+    message = (
+        f"by {lower} (objective {values[lower]:.4g}), not by {other} "
+        f"(objective {values[other]:.4g})"
+    )
+    return fits[lower], message
 
 
 def rings_for(disk):
@@ -352,14 +363,14 @@ def solver_messages(solver, switched=0):
     return tuple(f"{count} {name}" for name, count in repairs.items() if count)
 
 
-def fit_with_fallbacks(problem, weights, start=None, enough=0.0, features=None):
+def fit_with_fallbacks(problem, weights, start_mu=None, enough=0.0, features=None):
     """`fit_problem`, or with `Features` `fit_registration`, at the first `weight_fallbacks` of
-    weights whose map is bijective."""
+    weights whose map is bijective; start_mu: mu (F,) to begin from."""
     for tried in weight_fallbacks(weights, problem, features):
         if features is None:
-            fit = fit_problem(problem, tried, start=start, enough=enough)
+            fit = fit_problem(problem, tried, start_mu=start_mu, enough=enough)
         else:
-            fit = fit_registration(problem, tried, features, start)
+            fit = fit_registration(problem, tried, features, start_mu)
         if fit.bijective:
             messages = [
                 f"{name} lowered to {getattr(tried, name):g}"

@@ -17,7 +17,7 @@ from ..plane.grids import polar
 from ..plane.linear import LARGE
 from ..plane.tangent import CoefficientMesh
 from .features import FINEST, Smoothing
-from .gauss_newton import MIN_DECREASE, Discretization, GaussNewtonObjective
+from .gauss_newton import MIN_DECREASE, Discretization, GaussNewtonObjective, State
 from .problem import LandmarkError
 from .residuals import AreaTerm, FeatureTerm, Places
 
@@ -130,6 +130,15 @@ def landmark_levels(disk, rings):
     return [coarse, *(with_proxy(own) if len(disk.z) > LARGE else [own])]
 
 
+class Progress(NamedTuple):
+    """Where a fit on levels stands: the last objective, its state, how many steps each level
+    took."""
+
+    objective: GaussNewtonObjective
+    state: State
+    steps: tuple = ()
+
+
 class MultiresolutionFit:
     """The fit of one `Problem` on a sequence of levels, with any weights: caches what no weight
     changes."""
@@ -192,24 +201,25 @@ class MultiresolutionFit:
         return self.densities[name, sigma]
 
     def run(
-        self, levels, weights, start=None, features=None, watch=None, enough=0.0, begun=(None, None)
+        self, levels, weights, start_mu=None, features=None, watch=None, enough=0.0, resumed=None
     ):
-        """The steps of each level: the last objective, its last state, how many steps each level
-        took.
+        """The `Progress` after the steps of these levels, with the steps of these alone.
 
-        start: mu (F,) to begin from, or None; begun: objective and state to go on from instead;
-        watch, enough: of `run_level`.
+        start_mu: mu (F,) to begin from, or None; resumed: `Progress` to go on from instead; watch,
+        enough: of `run_level`.
         """
-        (objective, state), steps = begun[:2], []
+        objective, state = resumed[:2] if resumed else (None, None)
+        steps = []
         for level in levels:
             before, objective = objective, self.objective(level, weights, features)
             limit = 0.0
             if before is None:
-                state = self.first_state(objective, start, features is not None)
+                state = self.first_state(objective, start_mu, features is not None)
             else:
                 if level.skip_ratio:
                     limit = level.skip_ratio * before.value(state, weights.gamma)
-                nu = self.carried(before, state, objective, start if features is None else None)
+                known_mu = start_mu if features is None else None
+                nu = self.carried(before, state, objective, known_mu)
                 same = before.terms and before.discretization is objective.discretization
                 known = state.preconditioner if same else None
                 state = replace(objective.at(nu, state.mobius), preconditioner=known)
@@ -218,24 +228,24 @@ class MultiresolutionFit:
             if not (limit > 0 and objective.value(state, weights.gamma) <= limit):
                 state, taken = run_level(objective, state, level, watch, enough)
             steps.append(taken)
-        return objective, state, tuple(steps)
+        return Progress(objective, state, tuple(steps))
 
-    def first_state(self, objective, start, by_features):
-        """The state with mu `start` (F,), and the problem's best Möbius map, or with features that
-        after the map of mu."""
-        nu = start_field(self.problem.disk, start, objective.coefficient_mesh.mesh)
+    def first_state(self, objective, start_mu, by_features):
+        """The state with mu `start_mu` (F,) and `Problem.mobius`, or with features the best Möbius
+        map after the map of mu."""
+        nu = start_field(self.problem.disk, start_mu, objective.coefficient_mesh.mesh)
         state = objective.at(nu, self.problem.mobius)
-        if by_features and start is not None and len(self.problem.moving):
+        if by_features and start_mu is not None and len(self.problem.moving):
             state = objective.aligned(state)
         return state
 
-    def carried(self, before, state, objective, start):
-        """nu on the next objective's mesh: mu `start` (F,) with its details, and what the steps
+    def carried(self, before, state, objective, start_mu):
+        """nu on the next objective's mesh: mu `start_mu` (F,) with its details, and what the steps
         have changed."""
         old, new = before.coefficient_mesh.mesh, objective.coefficient_mesh.mesh
         if old is new:
             return state.nu
-        known, begin = (start_field(self.problem.disk, start, mesh) for mesh in (old, new))
+        known, begin = (start_field(self.problem.disk, start_mu, mesh) for mesh in (old, new))
         return old.sampling(new.z) @ (state.nu - known) + begin
 
 

@@ -68,7 +68,7 @@ def refined(problem, weights, mu, network_map, tolerance):
         return not_above_mobius(problem, weights, network_map)
     else:
         cause = f"landmark error {error:.1e} above {tolerance:.1e}"
-    fit = fit_with_fallbacks(problem, weights, start=mu, enough=MARGIN * tolerance)
+    fit = fit_with_fallbacks(problem, weights, mu, enough=MARGIN * tolerance)
     message = f"{cause}: {sum(fit.steps)} Gauss-Newton steps, to {fit.landmark_error:.1e}"
     switched = max(network_map.switched, fit.switched)
     fallbacks = (*network_map.fallbacks, message, *fit.fallbacks)

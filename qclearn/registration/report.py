@@ -132,7 +132,7 @@ def report_of(pair, landmarks, weights, fit, points, regions):
         **asdict(weights),
         "features": dict(zip(features.names, features.shares.tolist())) if features else {},
         "r": r,
-        "start": fit.start if features else "",
+        "start": fit.start_message if features else "",
         "mobius": {"a": [fit.mobius[0].real, fit.mobius[0].imag], "theta": fit.mobius[1]},
         "curves": rows,
         "held_out_mm": held_out,

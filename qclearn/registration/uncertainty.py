@@ -21,7 +21,7 @@ from .features import FINEST, FOLDS
 from .fit import limited
 from .gauss_newton import MOBIUS_PRIOR, ProductStep
 from .metrics import quantile
-from .multiresolution import GUIDES, Level, MultiresolutionFit, start_field
+from .multiresolution import GUIDES, Level, MultiresolutionFit, Progress, start_field
 from .problem import LandmarkError
 
 RINGS = 16  # of the polar mesh of the posterior
@@ -176,12 +176,12 @@ def stiffer(problem, weights, features, fit):
     """
     levels = limited(GUIDES, problem.disk)
     weights = replace(weights, beta=STIFFER * weights.beta)
-    multiresolution, begun = MultiresolutionFit(problem), (None, None)
+    multiresolution, resumed = MultiresolutionFit(problem), None
     if not len(problem.moving):
         first = multiresolution.objective(levels[0], weights, features)
         nu = start_field(problem.disk, fit.mu, first.coefficient_mesh.mesh)
-        begun = first, first.at(nu, fit.mobius)
-    objective, state, _ = multiresolution.run(levels, weights, None, features, begun=begun)
+        resumed = Progress(first, first.at(nu, fit.mobius))
+    objective, state, _ = multiresolution.run(levels, weights, None, features, resumed=resumed)
     return objective.coefficient_mesh.disk.sampling(problem.disk.z) @ state.f
 
 

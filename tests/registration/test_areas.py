@@ -193,9 +193,9 @@ def test_fits_from_spoilt_starts_end_where_the_good_one_does(spoilt):
 
 def test_the_start_is_told_in_words(spoilt):
     good, *_, last = spoilt
-    assert re.match(r"by crude spheres, 0\.\d+ in the disk from the best Möbius map of features", good.start)
-    assert re.match(r"by spheres \(objective \S+\), not by features \(objective \S+\)", last.start)
-    taken, left = map(float, re.findall(r"objective ([\d.]+)", last.start))
+    assert re.match(r"by crude spheres, 0\.\d+ in the disk from the best Möbius map of features", good.start_message)
+    assert re.match(r"by spheres \(objective \S+\), not by features \(objective \S+\)", last.start_message)
+    taken, left = map(float, re.findall(r"objective ([\d.]+)", last.start_message))
     assert taken < left
 
 
@@ -206,7 +206,7 @@ def test_places_that_mislead_do_no_harm():
     turned = replace(side, surface=Surface(side.surface.vertices * [-1, -1, 1], MOVING.faces))
     sides = sides_of(turned, tall(CONTROL), MAPS)
     fit = fit_registration(problem_of(sides), WEIGHTS, sides.features)
-    assert fit.start.startswith("by features (objective") and abs(fit.f - TWIST(MOVING.z)).mean() < 0.02
+    assert fit.start_message.startswith("by features (objective") and abs(fit.f - TWIST(MOVING.z)).mean() < 0.02
 
 
 @pytest.mark.parametrize(
