@@ -177,8 +177,8 @@ class Features:
     """
 
     def __init__(self, moving, control, weights=None):
-        self.sides = moving.features, control.features
-        self.names, self.areas = moving.features.names, moving.shares[0]
+        self.sides = moving.smoothing, control.smoothing
+        self.names, self.areas = moving.smoothing.names, moving.shares[0]
         self.disk = control.disk
         weights = np.ones(len(self.names)) if weights is None else np.array(weights)
         self.shares = weights / weights.sum()
@@ -301,7 +301,7 @@ def featured(moving, control, maps):
 
     def smoothed(side, name):
         values = np.stack([getattr(feature, name) for feature in maps], axis=1)
-        return replace(side, features=Smoothing(side.surface, names, values, side.disk))
+        return replace(side, smoothing=Smoothing(side.surface, names, values, side.disk))
 
     moving, control = smoothed(moving, "moving"), smoothed(control, "control")
     return moving, control, Features(moving, control, [feature.weight for feature in maps])

@@ -257,7 +257,7 @@ def above_mobius(objective, state, mobius_state):
 
     def sizes(state):
         yield objective.value(state, objective.weights.gamma)
-        if objective.features is None:
+        if objective.feature_term is None:
             yield (abs(state.points - objective.problem.target) ** 2).mean()
 
     return not all(
@@ -308,8 +308,8 @@ def report_fit(objective, state, steps):
     }
     losses["L_CP"] = float(sum(factor * losses[name] for name, factor in weights.factors.items()))
     for name, term, weight in (
-        ("L_features", objective.features, weights.delta),
-        ("L_area", objective.areas, weights.eta),
+        ("L_features", objective.feature_term, weights.delta),
+        ("L_area", objective.area_term, weights.eta),
     ):
         if term is not None:
             losses[name] = float((term.residual(state.f) ** 2).sum() / weight)

@@ -278,7 +278,7 @@ class PrimalStep(ProductStep):
 
     def __init__(self, objective, state, gamma):
         super().__init__(objective, state, gamma)
-        self.accuracy = ACCURACY if objective.areas is None else ACCURACY_WITH_AREAS
+        self.accuracy = ACCURACY if objective.area_term is None else ACCURACY_WITH_AREAS
         if len(state.points):
             self.accuracy /= max(1.0, np.log10(gamma) - 2)
         by_mobius = (self.rows_conj[len(self.by_mobius) :] @ self.fields).real
@@ -402,14 +402,14 @@ class GaussNewtonObjective:
     counts what the steps cost and is bounded there.
     """
 
-    def __init__(self, discretization, weights, features=None, areas=None):
+    def __init__(self, discretization, weights, feature_term=None, area_term=None):
         self.discretization, self.weights = discretization, weights
-        self.features, self.areas = features, areas
-        self.terms = [term for term in (features, areas) if term is not None]
+        self.feature_term, self.area_term = feature_term, area_term
+        self.terms = [term for term in (feature_term, area_term) if term is not None]
         self.problem, self.samples = discretization.problem, discretization.samples
         self.coefficient_mesh = mesh = discretization.coefficient_mesh
         self.landmarks = discretization.landmarks
-        self.mass = mesh.mass if areas is None else discretization.mass_by_area
+        self.mass = mesh.mass if area_term is None else discretization.mass_by_area
         self.W = weights.alpha * self.mass + weights.beta * mesh.laplace
         self.factors = factorise(self.W)
         self.work, self.most_work = 0.0, np.inf

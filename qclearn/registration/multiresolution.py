@@ -194,7 +194,7 @@ class MultiresolutionFit:
         """A side's density at a scale, as `Smoothing.density`, cached."""
         if (name, sigma) not in self.densities:
             side = getattr(self.problem.sides, name)
-            smoothing = side.features
+            smoothing = side.smoothing
             if smoothing is None:
                 smoothing = Smoothing(side.surface, (), side.surface.vertices[:, :0], side.disk)
             self.densities[name, sigma] = smoothing.density(sigma, side.disk)

@@ -126,7 +126,7 @@ def uncertainty_of(pair, problem, weights, fit):
     places = control.disk.lookup(fit.f)
 
     # Millimetres on the control by one unit of its disk, where the map goes.
-    density = control.features.density(FINEST, control.disk)
+    density = control.smoothing.density(FINEST, control.disk)
     scale = np.exp(control.disk.interpolate(density, places) / 2)
     scale *= np.sqrt(control.surface.area / control.disk.areas.sum())
     scale /= size_of(control.surface)[2]
@@ -134,7 +134,7 @@ def uncertainty_of(pair, problem, weights, fit):
     # The local mismatch of the features.
     here, there = folded.features.at(FINEST)
     off = (here - control.disk.interpolate(there, places)) ** 2 @ folded.features.shares
-    local, mean = np.maximum(blurred(moving.features, off), 1e-6), areas @ off
+    local, mean = np.maximum(blurred(moving.smoothing, off), 1e-6), areas @ off
 
     # The posterior's spread; its noise is the objective's own residual, where it has one.
     laplace = Laplace(problem, weights, fit.mu, fit.mobius, features)
@@ -146,7 +146,7 @@ def uncertainty_of(pair, problem, weights, fit):
     if by_fit:
         distance = abs(stiffer(problem, weights, features, fit) - fit.f) * scale
         logs += by_fit * np.log(distance + NEAR_MM)
-    radius = np.exp(blurred(moving.features, logs)) * (local / mean) ** by_local
+    radius = np.exp(blurred(moving.smoothing, logs)) * (local / mean) ** by_local
 
     # The node where one more landmark lowers the mean radius most.
     share = samples.T @ areas

@@ -121,14 +121,14 @@ def angle_distortion(surface: Surface, z: Complex[ndarray, " V"]) -> Float[ndarr
 class ParameterizedSurface:
     """A surface on its disk, the `Disk` of its faces with the boundary on the unit circle.
 
-    features: its maps at every scale, a `Smoothing`, or None; messages: what was repaired in its
-    map; sphere: what methods on spheres need, a `Sphere`, or None; fingers (k,): vertices of blind
-    tubes, where the map is not conformal and nothing is compared.
+    smoothing: its features at every scale, a `Smoothing`, or None; messages: what was repaired in
+    its map; sphere: what methods on spheres need, a `Sphere`, or None; fingers (k,): vertices of
+    blind tubes, where the map is not conformal and nothing is compared.
     """
 
     surface: Surface
     disk: Disk
-    features: object = None
+    smoothing: object = None
     messages: tuple = ()
     sphere: object = None
     fingers: object = ()

@@ -84,7 +84,7 @@ def test_the_derivative_of_all_residuals_equals_differences(equations):
     def residual(x):
         moved = compose_mobius(state.mobius, (complex(x[-2], x[-1]), x[-3]))
         at = objective.at(state.nu + x[:-3].view(complex), moved)
-        return np.concatenate([objective.landmarks.residual(at.points, 1e2), objective.features.residual(at.f)])
+        return np.concatenate([objective.landmarks.residual(at.points, 1e2), objective.feature_term.residual(at.f)])
 
     for _ in range(3):
         x = rng.normal(size=2 * len(state.nu) + 3)
@@ -167,7 +167,7 @@ def test_coarse_features_guide_with_less_weight_and_the_whole_is_asked_for_at_la
     for level in LEVELS:
         objective = multiresolution.objective(level, asked, features)
         assert objective.weights.gamma == (1e5 if level.own_mesh else 1e2)
-        delta = (objective.features.scale**2).sum()
+        delta = (objective.feature_term.scale**2).sum()
         assert delta == pytest.approx(0.3 if level.sigma >= 16 else 1.0)
     small = multiresolution.objective(LEVELS[0], Weights(gamma=10.0, delta=0.1), features)
     assert small.weights.gamma == 10 and (small.features.scale**2).sum() == pytest.approx(0.1)
