@@ -55,16 +55,17 @@ class Mean(Shared):
 
     def at(self, sigma):
         """The features' means at one scale, standardised (N, C)."""
-        return standardised(self.levels[sigma], self.shares)
+        return standardised(self.levels[sigma], self.vertex_shares)
 
     @property
-    def shares(self):
+    def vertex_shares(self):
+        """The vertices' shares of the area (N,)."""
         return self.areas / self.areas.sum()
 
     @property
     def variance(self):
         """Variance of each feature's mean over the area, (C,)."""
-        return self.shares @ (self.values - self.shares @ self.values) ** 2
+        return self.vertex_shares @ (self.values - self.vertex_shares @ self.values) ** 2
 
     @property
     def unit(self):

@@ -368,14 +368,14 @@ class Discretization:
         meshes, moving = self.coefficient_mesh, self.problem.sides.moving
         same = meshes.disk is meshes.mesh
         S = self.sampling if same else meshes.mesh.sampling(moving.disk.z)
-        return (S.T @ sparse.diags_array(moving.shares[0]) @ S).tocsc()
+        return (S.T @ sparse.diags_array(moving.vertex_shares) @ S).tocsc()
 
     @cached_property
-    def shares(self):
-        """Sparse (F, G): the G moving faces' shares of their area, in the F faces of the mapped
-        mesh that hold them."""
+    def moving_to_mapped(self):
+        """Sparse (F, G): the shares of their area of the G moving faces, in the rows of the F faces
+        of the mapped mesh that hold these."""
         moving, mapped = self.problem.sides.moving, self.coefficient_mesh.disk
-        shares = moving.shares[1]
+        shares = moving.face_shares
         columns = np.arange(len(shares))
         rows = columns if mapped is moving.disk else mapped.locate(moving.disk.centroids)[0]
         shape = len(mapped.faces), len(shares)
@@ -384,8 +384,8 @@ class Discretization:
     def by_area(self, values):
         """The moving area's shares (F,) in the mapped faces, and means (F,) there of values (V,) of
         its vertices."""
-        shares = self.shares.sum(1)
-        sums = self.shares @ values[self.problem.sides.moving.disk.faces].mean(1)
+        shares = self.moving_to_mapped.sum(1)
+        sums = self.moving_to_mapped @ values[self.problem.sides.moving.disk.faces].mean(1)
         return shares, np.divide(sums, shares, out=np.zeros(len(sums)), where=shares > 0)
 
     @cached_property

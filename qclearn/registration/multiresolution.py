@@ -54,10 +54,11 @@ class Level(NamedTuple):
     rings: of the mesh of nu; sigma: the features' scale (None: landmarks alone); steps: at most;
     own_mesh: map the caller's own mesh; min_predicted_decrease: share of the objective by which
     the model of a step must lower it; stall_ratio: share of the objective that two steps may leave
-    if another is to follow, inf for any; share, most: gamma here is share times the caller's, and
-    at most `most`; rising: raise gamma to that from FIRST_GAMMA, where nu is 0; proxy_rings: rings
-    of a polar mesh that is mapped in the own one's place, its proxy, with its weights; skip_ratio:
-    take no step where the objective is at most so many times that of the level before.
+    if another is to follow, inf for any; gamma_factor, most: gamma here is so many times the
+    caller's, and at most `most`; rising: raise gamma to that from FIRST_GAMMA, where nu is 0;
+    proxy_rings: rings of a polar mesh that is mapped in the own one's place, its proxy, with its
+    weights; skip_ratio: take no step where the objective is at most so many times that of the level
+    before.
     """
 
     rings: int
@@ -66,7 +67,7 @@ class Level(NamedTuple):
     own_mesh: bool = False
     min_predicted_decrease: float = MIN_DECREASE_ON_GRID
     stall_ratio: float = np.inf
-    share: float = 1.0
+    gamma_factor: float = 1.0
     most: float = np.inf
     rising: bool = False
     proxy_rings: int = 0
@@ -86,7 +87,7 @@ class Level(NamedTuple):
             delta = min(delta, GUIDING_DELTA)
         if eta and sigma > FINEST:
             delta, eta = min(delta, AREAS_DELTA), min(eta, AREAS_ETA)
-        gamma = min(self.share * weights.gamma, self.most)
+        gamma = min(self.gamma_factor * weights.gamma, self.most)
         return replace(weights, gamma=gamma, delta=delta, eta=eta)
 
 
@@ -125,7 +126,7 @@ def landmark_levels(disk, rings):
     # At a tenth of gamma: the coarse mesh's own error moves the landmarks, and the full weight
     # would bend nu after it. On the tests' smooth problems that costs up to a step more there and
     # ends up to 3 % higher in L_CP.
-    coarse = Level(rings // 2, None, 5, share=0.1, rising=True)
+    coarse = Level(rings // 2, None, 5, gamma_factor=0.1, rising=True)
     own = Level(rings, None, 24, True, MIN_DECREASE)
     return [coarse, *(with_proxy(own) if len(disk.z) > LARGE else [own])]
 

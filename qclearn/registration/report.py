@@ -130,7 +130,9 @@ def report_of(pair, landmarks, weights, fit, points, regions):
         "degenerate": len(degenerate_faces(points, moving.faces)),
         "fallbacks": [*messages, *fit.fallbacks],
         **asdict(weights),
-        "features": dict(zip(features.names, features.shares.tolist())) if features else {},
+        "features": dict(zip(features.names, features.feature_weights.tolist()))
+        if features
+        else {},
         "r": r,
         "start": fit.start_message if features else "",
         "mobius": {"a": [fit.mobius[0].real, fit.mobius[0].imag], "theta": fit.mobius[1]},

@@ -87,7 +87,7 @@ class FeatureTerm:
         some, areas = judges or (slice(None), features.areas)
         here, there = features.at(sigma)
         self.here, self.image = here[some], Image(features.disk, there)
-        self.scale = np.sqrt(delta * areas[:, None] * features.shares)
+        self.scale = np.sqrt(delta * areas[:, None] * features.feature_weights)
 
     def residual(self, f):
         """`sqrt(delta a_c w_k) (s_c - t_c)`, (C V,), feature after feature, for a map f (N,)."""

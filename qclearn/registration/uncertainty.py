@@ -133,7 +133,7 @@ def uncertainty_of(pair, problem, weights, fit):
 
     # The local mismatch of the features.
     here, there = folded.features.at(FINEST)
-    off = (here - control.disk.interpolate(there, places)) ** 2 @ folded.features.shares
+    off = (here - control.disk.interpolate(there, places)) ** 2 @ folded.features.feature_weights
     local, mean = np.maximum(blurred(moving.smoothing, off), 1e-6), areas @ off
 
     # The posterior's spread; its noise is the objective's own residual, where it has one.
