@@ -80,8 +80,8 @@ class Tangent:
     def __init__(self, coefficient_mesh, samples):
         self.carrier = coefficient_mesh.carrier
         solver = coefficient_mesh.solver
-        # The points by the corners of their triangles and barycentric coordinates, (P + 2, 3): after
-        # the samples come 0 and 1, which the map holds.
+        # The points by the corners of their triangles and barycentric coordinates, (P + 2, 3).
+        # After the samples come 0 and 1, which the map holds.
         (first, second), order = solver.loop[:2], np.argsort(solver.origin)
         held = [solver.weights[order], [1 - solver.share, solver.share, 0]]
         corners = [solver.origin[order], [first, second, second]]
