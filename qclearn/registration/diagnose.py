@@ -17,6 +17,7 @@ from ..plane.mobius import nearest_mobius
 from ..surfaces.checks import places_of
 from ..surfaces.surface import SurfaceError
 from ..surfaces.units import size_of
+from .curves import SIDES
 from .features import FOLDS, SCALE, align_by_features, check_features, closing_fan, featured
 from .metrics import mean_rows
 
@@ -67,7 +68,6 @@ ASTRAY, SURE_R = 16.0, 0.85
 # Ratio of the two gaps' areas, each over its hemisphere's squared length: 1.0 to 1.3 between people
 # cut by one rule, 1.48 to 1.6 between FreeSurfer's cortex label and smaller cuts.
 WALLS = 1.4
-SIDES = ("moving", "control")
 MIRROR = (
     "give --mirror (library: qc.mirror), or leave it out if it was given: one side is a left, the "
     "other a right"

@@ -33,7 +33,7 @@ SMOOTH_OUTLIERS = 3.0
 TAIL = 0.01
 ROUND = 20.0  # mm, the scale at which a hemisphere has no folds and still its shape
 HEAT_STEPS = 4  # implicit steps of the heat flow to one scale
-COARSE = 12_000  # vertices of a large surface on which coarser scales are smoothed
+COARSE_VERTICES = 12_000  # of a large surface, on which coarser scales are smoothed
 # mm^2, of a surface on which a scale is in mm; on others in proportion, whatever their unit.
 HEMISPHERE = 9e4
 
@@ -117,7 +117,7 @@ class Smoothing:
     def coarse(self):
         """Functions linear on the triangles of few vertices: their numbers (N,), (V, N) to values
         at all, mass and stiffness."""
-        some, mesh = thinned(self.disk, self.areas, COARSE)
+        some, mesh = thinned(self.disk, self.areas, COARSE_VERTICES)
         spread = mesh.sampling(self.disk.z)
         held = spread.sum(0) > 0  # a point on the rim may be in no triangle
         some, spread = some[held], spread[:, held]

@@ -32,7 +32,7 @@ from ..plane.mobius import best_mobius, mobius
 from ..plane.solver import DiskSolver
 from .features import PLACED, Features, best_by_features
 from .multiresolution import (
-    COARSE,
+    COARSE_MM,
     MultiresolutionFit,
     Progress,
     feature_levels,
@@ -177,7 +177,7 @@ def fit_registration(
     # From coarse features on a coarse mesh to fine ones; without landmarks maybe from two starts.
     multiresolution, start_message = MultiresolutionFit(problem), ""
     polar = [level for level in levels if level.on_nu_mesh]
-    guiding = [level for level in polar if (level.sigma or 0) >= COARSE]
+    guiding = [level for level in polar if (level.sigma or 0) >= COARSE_MM]
     if weights.eta and guiding and start is None and not len(problem.moving):
         (objective, state, steps), start_message = better_of_two_starts(
             multiresolution, guiding, polar, levels[len(polar) :], weights, features, watch

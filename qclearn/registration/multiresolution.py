@@ -33,9 +33,9 @@ STALL_RATIO_ON_GRID = 0.95
 FIRST_GAMMA = 1e2
 # Until the last level: a large gamma tears the map to the landmarks before features can lead it.
 GUIDING_GAMMA = 1e2
-# At most, from the scale COARSE (mm) up: a large delta tears the map to the nearest folds.
+# At most, from the scale COARSE_MM up: a large delta tears the map to the nearest folds.
 GUIDING_DELTA = 0.3
-COARSE = 16.0
+COARSE_MM = 16.0
 # At most, with areas above the finest scale: larger ones lead to the wrong valleys.
 AREAS_DELTA = 1.0
 AREAS_ETA = 0.1
@@ -83,7 +83,7 @@ class Level(NamedTuple):
         if not self.on_nu_mesh:
             return weights
         delta, eta, sigma = weights.delta, weights.eta, self.sigma or 0.0
-        if sigma >= COARSE:
+        if sigma >= COARSE_MM:
             delta = min(delta, GUIDING_DELTA)
         if eta and sigma > FINEST:
             delta, eta = min(delta, AREAS_DELTA), min(eta, AREAS_ETA)
