@@ -46,6 +46,8 @@ DUAL_STEPS = 200
 # Share of the objective by which the model of a step on the caller's mesh or its proxy must lower
 # it.
 MIN_DECREASE = 1e-3
+# A dual step's conjugate gradients end where it can gain at most this share of the objective.
+SMALL_GAIN = 1e-3
 # Share of its gain by which a dual step may miss the model's least objective.
 FORCING = 0.1
 # Residual that a primal step leaves, in the preconditioner's norm, up to gamma = 1e3; beyond, less
@@ -216,7 +218,7 @@ class DualStep(ProductStep):
     def __init__(self, objective, state, gamma):
         super().__init__(objective, state, gamma)
         if self.preconditioner is None:  # at the first state, from the closed form
-            D = objective.jacobian(state, 1.0)
+            D = objective.approximate_jacobian(state, 1.0)
             self.preconditioner = (D.conj() @ objective.solve_prior(D.T)).real
 
     def propose(self, damping=0.0):
@@ -239,7 +241,7 @@ class DualStep(ProductStep):
             # The model's least objective is at least `least`, and that of y is `least + left`.
             least, left = y @ (constant + rest), rest @ rest
             gain = before - least
-            done = gain < MIN_DECREASE * before or left <= FORCING * (gain - left)
+            done = gain < SMALL_GAIN * before or left <= FORCING * (gain - left)
             if done or not size > 0 or self.objective.spent:  # size 0: what is left is rounding
                 break
         if directions:
@@ -284,7 +286,8 @@ class PrimalStep(ProductStep):
         by_mobius = (self.rows_conj[len(self.by_mobius) :] @ self.fields).real
         self.B = MOBIUS_PRIOR * np.eye(3) + MOBIUS_SHARE * by_mobius.T @ by_mobius
         self.B += RELIEF * self.by_mobius.T @ self.by_mobius
-        by_nu = np.ascontiguousarray(objective.jacobian(state, gamma)).view(float)
+        by_nu = objective.approximate_jacobian(state, gamma)
+        by_nu = np.ascontiguousarray(by_nu).view(float)
         self.D_L = np.hstack([by_nu, self.by_mobius])
         self.lifted = self.lift(self.D_L.T, self.B)
         self.S = np.linalg.inv(np.eye(len(self.D_L)) + self.D_L @ self.lifted)
@@ -484,13 +487,14 @@ class GaussNewtonObjective:
         return abs(state.points - self.problem.target).mean()
 
     def jacobian(self, state, gamma):
-        """Gradients of the landmarks' residual by nu, complex (2 M, N).
+        """Gradients of the landmarks' residual by nu, complex (2 M, N), by adjoint solves."""
+        return self.landmarks.jacobian(*self.exact_gradients(state), gamma)
 
-        On the problem's own mesh in closed form, a few percent off and without a solve, to
-        precondition exact products; on a polar mesh exactly, by adjoint solves, which cost little.
-        """
+    def approximate_jacobian(self, state, gamma):
+        """The same to precondition exact products: in closed form, a few percent off and without a
+        solve; on the mesh of nu, where adjoint solves cost little, the exact one."""
         if self.discretization.on_nu_mesh:
-            return self.landmarks.jacobian(*self.exact_gradients(state), gamma)
+            return self.jacobian(state, gamma)
         f = state.solution.f
         slope = self.samples @ mobius_slope(f, *state.mobius)
         gradients = self.discretization.tangent.gradients(state.nu, f)

@@ -35,13 +35,14 @@ class Weights:
     alpha: float = 1.0
     beta: float = 1e-2
     gamma: float = 1e3
+    # Landmarks alone; `register` with features has DELTA and ETA by default.
     delta: float = 0.0
     eta: float = 0.0
 
     def __post_init__(self):
         rule = "alpha and gamma must be positive and finite, beta not negative"
         rules = {
-            "delta": "must be finite and not negative (3 by default)",
+            "delta": f"must be finite and not negative ({DELTA:g} by default)",
             "eta": "must be finite and not negative (0: areas are left out)",
         }
         for name, value in vars(self).items():

@@ -77,9 +77,6 @@ class WholeSteps(GaussNewtonObjective):
     def linearise(self, state, gamma):
         return DirectStep(self, state, gamma)
 
-    def jacobian(self, state, gamma):
-        return self.landmarks.jacobian(*self.exact_gradients(state), gamma)
-
 
 def fit_in_steps(asked, on_coarse, on_fine):
     """(objective, state) of so many of the library's Gauss-Newton steps on either mesh for a
