@@ -20,7 +20,7 @@ from ..registration.curves import (
     read_points,
     spaces,
 )
-from ..registration.tracing import aligned_by_folds, carried, ends_apart, ordered, threaded
+from ..registration.landmark_sources import aligned_by_folds, carried, ends_apart, ordered, threaded
 from ..surfaces.checks import counted
 from ..surfaces.units import other_units
 from .given import merge_option, units_option

@@ -124,6 +124,7 @@ def register(
       worse:       a held-out curve or the annotations fit clearly worse than after the best Möbius map
       units:       a surface has the length of a hemisphere in metres or micrometres: give --units
     """
+    # What is left in options after this goes straight to `qclearn.register`, under its names.
     no_features, no_landmarks, annot = (
         options.pop(name) for name in ("no_features", "no_landmarks", "annot")
     )
@@ -201,7 +202,7 @@ class Pair:
 def register_into(out, pair, curves, report, accept_suspect, **options):
     """Register a `Pair`, write the files, print the report; exit code 3 if it is suspect.
 
-    report: also write the page. options: those of `qclearn.register`.
+    report: also write the page. options: go straight to `qclearn.register`, under its names.
     """
     from ..plot import registration_figure
 
