@@ -93,8 +93,8 @@ class Change(NamedTuple):
 
 
 class DirectStep:
-    """Landmarks alone with their whole derivative D: the dual equations `S y = r - D nu`, `S = 1 + D
-    W^-1 D^T`, whose solution y is the residual that the step leaves."""
+    """Landmarks alone with their whole derivative D: the dual equations `S y = r - D nu`, `S = 1 +
+    D W^-1 D^T`, whose solution y is the residual that the step leaves."""
 
     preconditioner = None
 
