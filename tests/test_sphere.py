@@ -39,7 +39,7 @@ def maps():
     """fsaverage5's right hemisphere, mirrored, on its left one: conformal maps and the best Möbius
     map by landmarks."""
     sides = {side: read_hemisphere(f"fsaverage5:{name}") for side, name in (("moving", "right"), ("control", "left"))}
-    disks = {"moving": qc.mirror(sides["moving"].disk), "control": sides["control"].disk}
+    disks = {"moving": qc.mirror(sides["moving"].cut_surface), "control": sides["control"].cut_surface}
     laid = {side: parameterize(disk) for side, disk in disks.items()}
     ends = {side: [vertex for curve in qc.demo_landmarks()["curves"] for vertex in curve[side]] for side in laid}
     z = {side: one.disk.z for side, one in laid.items()}

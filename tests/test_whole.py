@@ -14,7 +14,7 @@ from known_surfaces import sphere
 from qclearn.io.hemisphere import read_hemisphere
 from qclearn.io.meshes import frame_of
 from qclearn.io.values import read_map
-from qclearn.registration.curves import on_disks
+from qclearn.registration.curves import on_cut_surfaces
 from qclearn.registration.transfer import read_registration
 from test_cli import everything, refused, run
 
@@ -107,13 +107,13 @@ def test_the_report_holds_whole_landmarks_for_the_whole_surfaces(made, registere
     given = {"moving": read_hemisphere(made / "rh.pial", made / "rh.cortex.label")}
     given["control"] = read_hemisphere(made / "lh.pial", made / "lh.cortex.label")
     (one, _), (cut_one, _) = (
-        landmarks["curves"] for landmarks in (report["landmarks"], on_disks(report["landmarks"], given))
+        landmarks["curves"] for landmarks in (report["landmarks"], on_cut_surfaces(report["landmarks"], given))
     )
     assert cut_one["detect"] is False and cut_one["moving"] != one["moving"]
-    assert given["moving"].disk.original_vertices[cut_one["moving"]].tolist() == one["moving"]
+    assert given["moving"].cut_surface.original_vertices[cut_one["moving"]].tolist() == one["moving"]
     other = report["landmarks"]["surfaces"] | {"moving": {"vertices": 641}}
     with pytest.raises(qc.LandmarkError, match="made for another moving surface"):
-        on_disks(report["landmarks"] | {"surfaces": other}, given)
+        on_cut_surfaces(report["landmarks"] | {"surfaces": other}, given)
 
 
 @pytest.mark.parametrize("wall", ["0", "nan", "cut"])
@@ -180,7 +180,7 @@ def test_a_cut_gifti_knows_its_whole_surface_too(made, cut, tmp_path):
     words = ("--label", made / "rh.cortex.label", "--keep", "--out", tmp_path / "rh.pial.open.surf.gii")
     run("open", made / "rh.pial", *words)
     ours, theirs = (read_hemisphere(path) for path in (words[-1], cut / "rh.open.npz"))
-    np.testing.assert_array_equal(ours.disk.original_vertices, theirs.disk.original_vertices)
+    np.testing.assert_array_equal(ours.cut_surface.original_vertices, theirs.cut_surface.original_vertices)
     assert ours.numbering.known and ours.frame.count == 642 and ours.frame.whole is None
     assert ours.frame.kind == theirs.frame.kind == "Pial" and len(theirs.frame.whole) == len(BALL.faces)
 
@@ -215,14 +215,14 @@ def test_metres_unused_vertices_and_seams_are_read_as_the_pair_that_they_are(cut
     given = {name: read_hemisphere(spoilt / f"{side}.npz", None, "m", True) for name, side in SIDES.items()}
     own = {name: read_hemisphere(cut / f"{side}.open.npz") for name, side in SIDES.items()}
     for name, first in (("moving", 3), ("control", 0)):
-        one, count = given[name], len(own[name].disk.vertices)
-        np.testing.assert_allclose(one.disk.vertices, own[name].disk.vertices, rtol=1e-12)
-        np.testing.assert_array_equal(one.disk.faces, own[name].disk.faces)
-        np.testing.assert_array_equal(one.disk.original_vertices, first + np.arange(count))
+        one, count = given[name], len(own[name].cut_surface.vertices)
+        np.testing.assert_allclose(one.cut_surface.vertices, own[name].cut_surface.vertices, rtol=1e-12)
+        np.testing.assert_array_equal(one.cut_surface.faces, own[name].cut_surface.faces)
+        np.testing.assert_array_equal(one.cut_surface.original_vertices, first + np.arange(count))
         values = np.arange(len(one.given.vertices))
-        np.testing.assert_array_equal(one.numbering.on_disk(values, "values"), first + np.arange(count))
+        np.testing.assert_array_equal(one.numbering.on_cut_surface(values, "values"), first + np.arange(count))
     ours, theirs = (json.loads((folder / "landmarks.json").read_text())["curves"] for folder in (spoilt, cut))
-    for one, other in zip(on_disks({"curves": ours}, given)["curves"], theirs, strict=True):
+    for one, other in zip(on_cut_surfaces({"curves": ours}, given)["curves"], theirs, strict=True):
         assert {name: one[name] for name in SIDES} == {name: other[name] for name in SIDES}
 
 
@@ -273,8 +273,8 @@ def test_only_the_cortex_is_checked_where_a_label_names_it(made, tmp_path):
     vertices[~cortex] = np.nan
     nibabel.freesurfer.write_geometry(tmp_path / "lh.pial", vertices, faces)
     ours, theirs = (read_hemisphere(folder / "lh.pial", made / "lh.cortex.label") for folder in (tmp_path, made))
-    np.testing.assert_array_equal(ours.disk.faces, theirs.disk.faces)
-    np.testing.assert_array_equal(ours.disk.original_vertices, theirs.disk.original_vertices)
+    np.testing.assert_array_equal(ours.cut_surface.faces, theirs.cut_surface.faces)
+    np.testing.assert_array_equal(ours.cut_surface.original_vertices, theirs.cut_surface.original_vertices)
     assert ours.numbering.count == 642 and ours.is_whole
 
 
@@ -381,7 +381,7 @@ def test_a_surface_with_a_handle_is_one_line(tmp_path, capsys):
 def test_fsaverage5_goes_by_its_name():
     left = read_hemisphere("fsaverage5:left")
     assert left.is_whole and left.numbering.known and left.frame.side == "left" and left.frame.kind == "Pial"
-    np.testing.assert_array_equal(left.disk.vertices, qc.fsaverage5("left").vertices)
+    np.testing.assert_array_equal(left.cut_surface.vertices, qc.fsaverage5("left").vertices)
     np.testing.assert_array_equal(left.frame.whole, left.given.faces)
     assert left.numbering.count == len(left.given.vertices) == 10242
 
@@ -390,14 +390,14 @@ def test_vertices_on_the_rim_of_a_label_may_go(made, tmp_path):
     """As in FreeSurfer's labels: those that hang on by an edge are no piece, and take no part."""
     whole = qc.read_surface(made / "lh.pial")
     cortex = ~qc.read_mask(made / "lh.cortex.label", whole, keep=True)
-    disk = read_hemisphere(made / "lh.pial", made / "lh.cortex.label").disk
+    disk = read_hemisphere(made / "lh.pial", made / "lh.cortex.label").cut_surface
     ends = whole.edges[cortex[whole.edges].sum(axis=1) == 1]
     hanging = ends[~cortex[ends]][:1]  # a vertex of the wall beside the cortex
     around = whole.edges[(whole.edges == hanging).any(axis=1)]
     drop = np.setdiff1d(around[cortex[around].any(axis=1)].ravel(), hanging)[1:]
     cortex[hanging], cortex[drop] = True, False
     label(tmp_path / "lh.x.label", np.flatnonzero(cortex))
-    found = read_hemisphere(made / "lh.pial", tmp_path / "lh.x.label").disk
+    found = read_hemisphere(made / "lh.pial", tmp_path / "lh.x.label").cut_surface
     assert hanging[0] not in found.original_vertices and len(found.vertices) < len(disk.vertices)
 
 

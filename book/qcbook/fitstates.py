@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from qcbook.figures import FLIPPED_COLOUR, square_lines
 from qclearn.plot import CURVE_STYLES, disk_axes, disk_plot, lines_plot, map_curves
 from qclearn.registration.features import FINEST
-from qclearn.registration.fit import CertifiedMap, exact_map, fit_problem, fit_registration
+from qclearn.registration.fit import CheckedMap, exact_map, fit_problem, fit_registration
 from qclearn.registration.gauss_newton import MIN_DECREASE
 from qclearn.registration.metrics import measured_losses
 from qclearn.registration.multiresolution import STALL_RATIO, Level, guided
@@ -34,7 +34,7 @@ class FitState:
     with a fold weight.
     """
 
-    fit: CertifiedMap | None
+    fit: CheckedMap | None
     terms: dict
     seconds: float
     message: str

@@ -16,7 +16,7 @@ from vtkmodules.vtkRenderingCore import vtkCellPicker
 from qcbook.scenes import surface_scene
 from qclearn.io.safe import write_whole
 from qclearn.plane.linear import heat_flow
-from qclearn.registration.curves import SIDES, check_curves, fundus_metric, fundus_path
+from qclearn.registration.curves import OTHER_SIDE, SIDES, check_curves, fundus_metric, fundus_path
 from qclearn.surfaces.checks import counted
 from qclearn.surfaces.curvature import mean_curvature
 from qclearn.surfaces.surface import Surface
@@ -157,7 +157,7 @@ class LandmarkPicker(anywidget.AnyWidget):
             self.names = [*self.names, f"curve {len(self.names) + 1}"]
         last = self.curves[-1]
         if len(last[side]) == 2:
-            self.said = f"{last['name']} has both ends on the {side} side; click them on the {SIDES[side]} side."
+            self.said = f"{last['name']} has both ends on the {side} side; click them on the {OTHER_SIDE[side]} side."
         else:
             self.picks.append((len(self.names) - 1, side, vertex))
             self.show(side)

@@ -49,7 +49,7 @@ def feature_of(hemisphere, path):
     require_side(path, given.side, hemisphere.frame.side, hemisphere.path)
     if given.is_whole and len(given.labels or ()) > 1:  # more than Workbench's ???
         raise FeatureError(f"{path}: holds labels, no measure; give it to --annot")
-    values = hemisphere.numbering.on_disk(given.values, path)
+    values = hemisphere.numbering.on_cut_surface(given.values, path)
     finite = np.isfinite(values.reshape(len(values), -1)).all(axis=1)
     # `register` would name the vertices by their numbers on the disk.
     if len(given.values) > len(values) and not finite.all():
@@ -63,4 +63,4 @@ def feature_of(hemisphere, path):
 def regions_of(hemisphere, path):
     """The names of regions (V,) of an annotation on the disk."""
     require_side(path, frame_of(path).side, hemisphere.frame.side, hemisphere.path)
-    return hemisphere.numbering.on_disk(read_regions(path), path)
+    return hemisphere.numbering.on_cut_surface(read_regions(path), path)

@@ -20,7 +20,7 @@ from ..registration.curves import (
     read_points,
     spaces,
 )
-from ..registration.tracing import aligned_by_folds, carried, ends_apart, ordered, threaded
+from ..registration.landmark_sources import aligned_by_folds, carried, ends_apart, ordered, threaded
 from ..surfaces.checks import counted
 from ..surfaces.units import other_units
 from .given import merge_option, units_option
@@ -71,11 +71,11 @@ def landmarks(
         raise click.UsageError("--space belongs to --points")
     files = (moving, cortex), (control, control_cortex)
     sides = dict(zip(SIDES, (read_hemisphere(*names, units, merge) for names in files)))
-    for reason in other_units(**{side: one.disk for side, one in sides.items()}):
+    for reason in other_units(**{side: one.cut_surface for side, one in sides.items()}):
         raise qc.SurfaceError(reason)
     for one in sides.values():
-        qc.require_disk(one.disk)
-        qc.require_outward(one.disk)
+        qc.require_disk(one.cut_surface)
+        qc.require_outward(one.cut_surface)
     require_hands(sides, mirror)
     curves = []
     lines = []
@@ -97,7 +97,7 @@ def landmarks(
 
 
 def as_given(one, path):
-    """Vertices of a `Hemisphere`'s disk by their numbers in the surface as given, a list."""
+    """Vertices of a `Hemisphere`'s cut surface by their numbers in the surface as given, a list."""
     path = np.asarray(path)
     return (one.numbering.table[path] if one.is_whole else path).tolist()
 
@@ -121,7 +121,7 @@ def from_labels(labels, sides, mirror, lines):
         [label_path(name, file, sides[side], lines) for side, file in zip(SIDES, files)]
         for name, *files in labels
     ]
-    moving, control = (one.disk for one in sides.values())
+    moving, control = (one.cut_surface for one in sides.values())
     aligned = aligned_by_folds(qc.mirror(moving) if mirror else moving, control)
     curves = []
     for (name, *_), (here, there) in zip(labels, paths):
@@ -136,21 +136,22 @@ def from_labels(labels, sides, mirror, lines):
 
 
 def label_path(name, file, one, lines):
-    """The path of a label's vertices on a `Hemisphere`'s disk; LandmarkError names the label."""
+    """The path of a label's vertices on a `Hemisphere`'s cut surface; LandmarkError names the
+    label."""
     require_side(file, side_of_name(file), one.frame.side, one.path)
     try:
         numbers = read_label(file)
         own = own_numbers(one, numbers)
         if lost := len(np.unique(numbers)) - len(np.unique(own)):
             lines.append(f"{name}: {lost} of the {len(numbers)} vertices of {file} are cut away")
-        return ordered(one.disk, own)
+        return ordered(one.cut_surface, own)
     except qc.LandmarkError as error:
         raise qc.LandmarkError(f"{file} ({name}): {error}") from None
 
 
 def own_numbers(one, numbers):
-    """Vertices of a `Hemisphere`'s disk by their numbers (n,) in the whole surface; those cut away
-    drop out."""
+    """Vertices of a `Hemisphere`'s cut surface by their numbers (n,) in the whole one; those cut
+    away drop out."""
     table = one.numbering.table
     count = one.numbering.count or (one.numbering.size if table is None else np.inf)
     bad = numbers[(numbers < 0) | (numbers >= count)]
@@ -177,10 +178,10 @@ def from_points(file, sides, space, lines):
             )
         for name, both in table.items():
             try:
-                vertices, distance = nearest_vertices(one.disk, both[side], space, known)
+                vertices, distance = nearest_vertices(one.cut_surface, both[side], space, known)
             except qc.LandmarkError as error:
                 raise qc.LandmarkError(f"{file}: {name!r}, {side} side: {error}") from None
-            curves[name][side] = threaded(one.disk, vertices)
+            curves[name][side] = threaded(one.cut_surface, vertices)
             distances += distance.tolist()
         mean, most = np.mean(distances), max(distances)
         lines.append(f"{side}: points {mean:.1f} mm from the nearest vertices, at most {most:.1f}")
@@ -189,7 +190,7 @@ def from_points(file, sides, space, lines):
 
 def from_template(sides, lines):
     """fsaverage5's curves on both sides, and their distances from the fundi: name -> side -> mm."""
-    sulci = {side: carried(one.disk, one.frame.side) for side, one in sides.items()}
+    sulci = {side: carried(one.cut_surface, one.frame.side) for side, one in sides.items()}
     for side, one in sulci.items():
         lines.append(f"{side}: curves of fsaverage5's {one.hemisphere} hemisphere")
     off = {}

@@ -13,7 +13,7 @@ import qclearn as qc
 from ..io.hemisphere import Hemisphere, read_hemisphere
 from ..io.provenance import origin
 from ..io.safe import printable
-from ..registration.curves import curves_of_both, on_disks, read_landmarks
+from ..registration.curves import curves_of_both, on_cut_surfaces, read_landmarks
 from ..registration.problem import BY_DISKS, DELTA, ETA, Weights
 from ..registration.register import Stages
 from ..registration.register import register as run_registration
@@ -124,6 +124,7 @@ def register(
       worse:       a held-out curve or the annotations fit clearly worse than after the best Möbius map
       units:       a surface has the length of a hemisphere in metres or micrometres: give --units
     """
+    # What is left in options after this goes straight to `qclearn.register`, under its names.
     no_features, no_landmarks, annot = (
         options.pop(name) for name in ("no_features", "no_landmarks", "annot")
     )
@@ -168,9 +169,10 @@ class Pair:
     sphere: ControlSphere | None = None
 
     @cached_property
-    def disks(self):
+    def cut_surfaces(self):
         """The moving and the control surface as they are registered."""
-        return qc.mirror(self.moving.disk) if self.mirrored else self.moving.disk, self.control.disk
+        moving = self.moving.cut_surface
+        return qc.mirror(moving) if self.mirrored else moving, self.control.cut_surface
 
     @property
     def given(self):
@@ -192,15 +194,15 @@ class Pair:
     @property
     def arrays(self):
         """What registration.npz says of the surfaces."""
-        sides = side_arrays("moving", self.disks[0], self.moving.frame)
-        sides |= side_arrays("control", self.disks[1], self.control.frame)
+        sides = side_arrays("moving", self.cut_surfaces[0], self.moving.frame)
+        sides |= side_arrays("control", self.cut_surfaces[1], self.control.frame)
         return sides | {"mirrored": np.array(self.mirrored)}
 
 
 def register_into(out, pair, curves, report, accept_suspect, **options):
     """Register a `Pair`, write the files, print the report; exit code 3 if it is suspect.
 
-    report: also write the page. options: those of `qclearn.register`.
+    report: also write the page. options: go straight to `qclearn.register`, under its names.
     """
     from ..plot import registration_figure
 
@@ -209,14 +211,14 @@ def register_into(out, pair, curves, report, accept_suspect, **options):
     read_seconds = time.perf_counter() - command.begun
     with output_folder(out, instead=["report.html", UNCERTAINTY, *SPHERES]) as folder:
         result = run_registration(
-            *pair.disks,
-            on_disks(curves, pair.given),
+            *pair.cut_surfaces,
+            on_cut_surfaces(curves, pair.given),
             progress=True,
             accept_suspect=accept_suspect,
             **options,
         )
         with stages("figure"):
-            registration_figure(result, *pair.disks).savefig(folder / "figure.png", dpi=150)
+            registration_figure(result, *pair.cut_surfaces).savefig(folder / "figure.png", dpi=150)
         with stages("write"):
             sphere_line = write_maps(folder, result, pair)
             contents = full_report(result, pair, curves, command)
@@ -313,7 +315,7 @@ def curves_to_fit(pair, features, path):
     """The curves of a landmarks file; without one, those that both npz surfaces carry, or none."""
     if path:
         return read_landmarks(path)
-    curves = curves_of_both(pair.moving.disk, pair.control.disk)
+    curves = curves_of_both(pair.moving.cut_surface, pair.control.cut_surface)
     if not curves and features is None:
         raise qc.LandmarkError(
             "the surfaces share no curve names (curve_<name> in their npz files); give --landmarks"

@@ -94,7 +94,7 @@ def sphere_of(pair, path):
     """The `ControlSphere` for a pair of hemispheres that will be registered."""
     for side, one in pair.given.items():
         with naming(one.path):
-            require_whole(side, one.disk.original_vertices, one.frame.whole)
+            require_whole(side, one.cut_surface.original_vertices, one.frame.whole)
     return read_sphere(path, pair.control.frame.whole, pair.control.frame.side)
 
 

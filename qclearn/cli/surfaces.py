@@ -106,7 +106,7 @@ def transfer(registration, values, to, nearest, hemisphere, wall, out):
             "--nearest to carry them as labels, or save them with a decimal point (as floats) to "
             "interpolate"
         )
-    here = numberings[source].on_disk(given.values, values)
+    here = numberings[source].on_cut_surface(given.values, values)
     carried = transfer_map(here, z[source], arrays[f"faces_{source}"], z[to], nearest)
     side = agreed(hemisphere, sides[to], f"the {to} surface")
     labels = given.labels if nearest else None

@@ -186,7 +186,7 @@ class Group:
     def row(self, before, after, fits):
         """What a round has changed, dict for JSON."""
         distances = np.linalg.norm(after.points - before.points, axis=1)
-        moved_mm = float(after.shares @ distances)
+        moved_mm = float(after.vertex_shares @ distances)
         unit = np.sqrt(after.areas.sum() / HEMISPHERE)
         used = [fit for fit in fits if not fit.reasons]
         r = {name: [fit.r[name] for fit in used if name in fit.r] for name in self.names}
@@ -204,4 +204,4 @@ class Group:
         ends = dict(zip(used, self.each(of.composed, used, mean, centre)))
         inverses = [back for _, bijective, back in ends.values() if bijective]
         off = mean.unit * abs(sum(inverses) / max(len(inverses), 1) - mean.disk.z)
-        return ends, {"mean": float(mean.shares @ off), "most": float(off.max())}
+        return ends, {"mean": float(mean.vertex_shares @ off), "most": float(off.max())}

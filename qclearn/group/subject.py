@@ -49,21 +49,23 @@ class Mean(Shared):
     disk: Disk
 
     @property
-    def features(self):
+    def smoothing(self):
+        """Itself in a `Smoothing`'s place: its `at` has the features of all its scales."""
         return self
 
     def at(self, sigma):
         """The features' means at one scale, standardised (N, C)."""
-        return standardised(self.levels[sigma], self.shares)
+        return standardised(self.levels[sigma], self.vertex_shares)
 
     @property
-    def shares(self):
+    def vertex_shares(self):
+        """The vertices' shares of the area (N,)."""
         return self.areas / self.areas.sum()
 
     @property
     def variance(self):
         """Variance of each feature's mean over the area, (C,)."""
-        return self.shares @ (self.values - self.shares @ self.values) ** 2
+        return self.vertex_shares @ (self.values - self.vertex_shares @ self.values) ** 2
 
     @property
     def unit(self):
@@ -89,15 +91,15 @@ def prepared(surface, names, given):
     """The subject of a surface: a `ParameterizedSurface` with features; given: name -> values (V,)
     of those not computed."""
     columns = [given[name] if name in given else COMPUTED[name](surface) for name in names]
-    features = Smoothing(surface, names, np.stack(columns, axis=1))
+    smoothing = Smoothing(surface, names, np.stack(columns, axis=1))
     for sigma in SCALES:
-        features.at(sigma)
-    return replace(parameterize(surface), features=features)
+        smoothing.at(sigma)
+    return replace(parameterize(surface), smoothing=smoothing)
 
 
 def alone(subject):
     """A subject as the mean of itself, on its own mesh."""
-    own, surface = subject.features, subject.surface
+    own, surface = subject.smoothing, subject.surface
     return Mean(surface.vertices, own.values, own.levels, surface.vertex_areas, subject.disk)
 
 
@@ -156,7 +158,7 @@ def carried(subject, f, points, mean):
     places = image.locate(points)
     space = onto(image.interpolate(subject.surface.vertices, places), mean.points, mean.areas)
     areas = around_vertices(face_areas(space, mean.disk.faces), mean.disk.faces) / 3
-    own = subject.features
+    own = subject.smoothing
     levels = {sigma: image.interpolate(own.at(sigma), places) for sigma in SCALES}
     values = image.interpolate(own.values, places)
     return Shared(space, values, levels, areas)

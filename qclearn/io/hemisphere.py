@@ -23,10 +23,10 @@ LOOSE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Numbering:
-    """The vertex numbers of a disk in the whole surface that it was cut out of.
+    """The vertex numbers of a cut surface in the whole one that it was cut out of.
 
-    size: number of the disk's vertices; table (V,): their numbers in the whole surface; count: of
-    that surface's vertices. None where it was never cut, or that is unknown.
+    size: number of the cut surface's vertices; table (V,): their numbers in the whole one; count:
+    of the whole one's vertices. None where it was never cut, or that is unknown.
     """
 
     size: int
@@ -38,8 +38,9 @@ class Numbering:
         """Whether both forms are known."""
         return self.table is not None and self.count is not None and self.table.max() < self.count
 
-    def on_disk(self, values, name):
-        """The disk's values (V, ...) of those of either form; SurfaceError for another length."""
+    def on_cut_surface(self, values, name):
+        """The cut surface's values (V, ...) of those of either form; SurfaceError for another
+        length."""
         if len(values) == self.size:
             return values
         if self.known and len(values) == self.count:
@@ -62,41 +63,43 @@ class Numbering:
         raise SurfaceError(f"{name}: {message}{whole}; {advice}")
 
     def on_whole(self, values, wall):
-        """The whole surface's values of the disk's (V, ...), with `wall` where it was cut away."""
+        """The whole surface's values of the cut one's (V, ...), with `wall` where it was cut
+        away."""
         whole = np.full((self.count, *values.shape[1:]), wall, dtype=values.dtype)
         whole[self.table] = values
         return whole
 
     def places(self, numbers):
-        """The disk's vertices with these numbers in the whole surface, -1 for those cut away."""
+        """The cut surface's vertices with these numbers in the whole one, -1 for those cut away."""
         return places_of(numbers, self.table)
 
 
 @dataclass(frozen=True, eq=False)
 class Hemisphere:
-    """path: as it was given; given: the surface of that name, whole or cut; disk: what is
-    registered, with `original_vertices` where they are known; frame: what its file says, with
-    the whole surface's faces if known."""
+    """path: as it was given; given: the surface of that name, whole or cut; cut_surface: what is
+    registered, in space, with `original_vertices` where they are known; frame: what its file says,
+    with the whole surface's faces if known."""
 
     path: str
     given: Surface | Mesh
-    disk: Surface
+    cut_surface: Surface
     frame: Frame
 
     @property
     def numbering(self):
-        """The `Numbering` of the disk."""
-        return Numbering(len(self.disk.vertices), self.disk.original_vertices, self.frame.count)
+        """The `Numbering` of the cut surface."""
+        cut = self.cut_surface
+        return Numbering(len(cut.vertices), cut.original_vertices, self.frame.count)
 
     @property
     def is_whole(self):
         """Whether it was given whole, so that what belongs to it has the whole one's numbers."""
-        return self.given is not self.disk
+        return self.given is not self.cut_surface
 
     @property
     def cut(self):
-        """The same given as the disk."""
-        return replace(self, given=self.disk)
+        """The same given as the cut surface."""
+        return replace(self, given=self.cut_surface)
 
 
 def read_hemisphere(path, cortex=None, units="mm", merge=False):

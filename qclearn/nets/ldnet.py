@@ -160,7 +160,7 @@ def heat_metric(surface, heat, H):
     """Length of every edge of `surface.edges` in the metric of `BestLDNet.detect`, (E,).
 
     An edge's length in space times the mean over its ends of `exp(H/(2 s) - d/m) (FLOOR + 1 -
-    heat)`: that of `landmarks.fundus_metric` with half the weight on the sulcal depth d and the
+    heat)`: that of `curves.fundus_metric` with half the weight on the sulcal depth d and the
     mean curvature H smoothed, times how little the network believes in the place.
     """
     cost = fundus_cost(surface, smoothed(surface, H), CURVATURE_WEIGHT, DEPTH_WEIGHT)

@@ -3,7 +3,8 @@ Beltrami Solver, and the map with a free boundary.
 
 Points, maps and gradients of real functions are complex numbers. On a triangle a map is affine: its
 Wirtinger derivatives and its Beltrami coefficient are constants. Each function makes a `Disk` of
-its arrays, whose method does the work.
+its arrays, whose method does the work. Only the calls with arrays stand here: `register` and the
+fit use `Disk` and `DiskSolver` of solver.py.
 """
 
 import warnings

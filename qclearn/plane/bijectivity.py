@@ -1,4 +1,5 @@
-"""The certificate of a piecewise linear map, and the repair of one that folds."""
+"""The repair of a piecewise linear map that folds, and the public calls of the certificate, which
+is computed in disk.py (`Disk.certificate`, `Disk.certify`)."""
 
 import numpy as np
 from scipy import sparse

@@ -24,8 +24,16 @@ SMALLEST_STEP, LOST_STEP = 1e-3, 1e-8
 
 
 class FreeBoundary:
-    """The flux form for one stiffness matrix K, before normalisation: the map `f` sends the pole
-    near 0.
+    """The flux form for one stiffness matrix K of A(mu), before normalisation: the map `f` sends
+    the pole near 0.
+
+    Away from the pole `log f = U + i V` has the coefficient mu, too, and |f| = 1 is U = 0. So U
+    solves `div(A(mu) grad U) = 2 pi delta`, U = 0 on the circle: -U / (2 pi) is the Green's
+    function of A(mu) with its pole at 0 (here at the vertex nearest to 0). Its flux through the
+    boundary, `A(mu) grad U . n`, is 2 pi times the density of the harmonic measure seen from the
+    pole. It equals dV/ds, s the arc length: the map turns the measure into angle. The Linear
+    Beltrami Solver alone has to be given boundary values, and with those of another map its result
+    has another coefficient than mu. Steps 1 and 2 find the values, step 3 is that solver:
 
     1. `K_ii U_i = -2 pi e_o`, U = 0 on the boundary;
     2. the fluxes `F = (K U)_b` sum to 2 pi, and their densities `q_k = F_k / (l_{k-1/2} +

@@ -80,14 +80,14 @@ class Tangent:
     def __init__(self, coefficient_mesh, samples):
         self.carrier = coefficient_mesh.carrier
         solver = coefficient_mesh.solver
-        # The points by the corners of their triangles and these corners' shares, (P + 2, 3): after
-        # the samples come 0 and 1, which the map holds.
+        # The points by the corners of their triangles and barycentric coordinates, (P + 2, 3).
+        # After the samples come 0 and 1, which the map holds.
         (first, second), order = solver.loop[:2], np.argsort(solver.origin)
-        shares = [solver.weights[order], [1 - solver.share, solver.share, 0]]
+        held = [solver.weights[order], [1 - solver.share, solver.share, 0]]
         corners = [solver.origin[order], [first, second, second]]
-        self.shares = np.concatenate([samples.data.reshape(-1, 3), shares])
+        self.barycentric = np.concatenate([samples.data.reshape(-1, 3), held])
         self.corners = np.concatenate([samples.indices.reshape(-1, 3), corners])
-        self.points = three_a_row(self.shares, self.corners, len(solver.disk.z))
+        self.points = three_a_row(self.barycentric, self.corners, len(solver.disk.z))
         self.close = self.close_pairs(solver.disk.z)
         self.find_parts()
         self.spread = self.spread_parts()
@@ -176,15 +176,15 @@ class Tangent:
         """P at close pairs, and Q where mirror images are near, by the parts and the corners."""
         w, size, mass = cells(self.areas, self.hats @ nu, self.values @ both, P.dtype)
         at = both[self.corners, 0].astype(P.dtype)
-        share = self.shares.astype(size.dtype)
+        weights = self.barycentric.astype(size.dtype)
         row, node = self.close.nonzero()
         part, point = self.part, self.point
         terms = inverse(w[part, None] - at[point], size[part, None])
-        P[row, node] = self.spread @ (mass[part] * np.einsum("ek,ek->e", share[point], terms))
+        P[row, node] = self.spread @ (mass[part] * np.einsum("ek,ek->e", weights[point], terms))
         part, point = part[self.mirrored], point[self.mirrored]
         terms = inverse(1 - at[point] * w[part, None].conj(), size[part, None])
         sums = np.zeros(len(self.part), complex)
-        average = np.einsum("ek,ek->e", (share * at**3)[point], terms)
+        average = np.einsum("ek,ek->e", (weights * at**3)[point], terms)
         sums[self.mirrored] = mass[part].conj() * average
         Q[row[self.replaced], node[self.replaced]] = (self.spread @ sums)[self.replaced]
 

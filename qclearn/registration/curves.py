@@ -24,7 +24,8 @@ from ..surfaces.surface import Mesh, Surface, SurfaceError
 from ..surfaces.units import UNITS, size_of
 from .problem import LandmarkError
 
-SIDES = {"moving": "control", "control": "moving"}  # each side and the other
+SIDES = ("moving", "control")
+OTHER_SIDE = dict(zip(SIDES, reversed(SIDES)))
 POINTS_PER_CURVE = 10
 SAMPLES = 400  # on a curve whose distance to another is measured
 # Exponents of the fundus metric.
@@ -253,7 +254,7 @@ def nesting(data):
     return int(opened.cumsum().max(initial=0))
 
 
-def on_disks(landmarks, hemispheres):
+def on_cut_surfaces(landmarks, hemispheres):
     """A landmarks file's curves in the numbers of the cut-open surfaces, of those of the whole ones
     where such were given. hemispheres: side -> `Hemisphere`. LandmarkError where a vertex lies on
     the medial wall."""
@@ -262,12 +263,12 @@ def on_disks(landmarks, hemispheres):
     given = (hemispheres[side].given for side in SIDES)
     return {
         "curves": [
-            _on_disks(curve, hemispheres) for curve in check_curves(landmarks, *given, fewest=0)
+            _on_cut(curve, hemispheres) for curve in check_curves(landmarks, *given, fewest=0)
         ]
     }
 
 
-def _on_disks(curve, hemispheres):
+def _on_cut(curve, hemispheres):
     """A `Curve` as an entry of a landmarks file, in the numbers of the cut-open surfaces."""
     detect = all(curve.detect[side] or len(curve.path(side)) > 2 for side in SIDES)
     entry = {"name": curve.name, "detect": detect, "hold_out": curve.hold_out}
@@ -341,7 +342,7 @@ def check_surfaces(stated, moving, control):
                 f'landmarks: surfaces, {side}: give "vertices" and "sha256", and nothing else'
             )
         if not _is_one(wanted, surfaces[side]):
-            other = SIDES[side]
+            other = OTHER_SIDE[side]
             hint = (
                 "numbers of one mesh mean nothing on another: give the surface they belong to, or "
                 "make them anew"
@@ -386,7 +387,8 @@ def _check_entry(number, entry, moving, control):
         try:
             paths[side] = check_path(surface, entry[side])
         except LandmarkError as error:
-            hint = _other_numbers(entry[side], surface, SIDES[side], surfaces[SIDES[side]])
+            other = OTHER_SIDE[side]
+            hint = _other_numbers(entry[side], surface, other, surfaces[other])
             raise LandmarkError(f"curve {name!r}, {side} side: {error}{hint}") from None
     # Two vertices are a path's ends, unless the file says that they are the path.
     by_side = {side: detect and len(path) == 2 for side, path in paths.items()}

@@ -17,6 +17,7 @@ from ..plane.mobius import nearest_mobius
 from ..surfaces.checks import places_of
 from ..surfaces.surface import SurfaceError
 from ..surfaces.units import size_of
+from .curves import SIDES
 from .features import FOLDS, SCALE, align_by_features, check_features, closing_fan, featured
 from .metrics import mean_rows
 
@@ -67,7 +68,6 @@ ASTRAY, SURE_R = 16.0, 0.85
 # Ratio of the two gaps' areas, each over its hemisphere's squared length: 1.0 to 1.3 between people
 # cut by one rule, 1.48 to 1.6 between FreeSurfer's cortex label and smaller cuts.
 WALLS = 1.4
-SIDES = ("moving", "control")
 MIRROR = (
     "give --mirror (library: qc.mirror), or leave it out if it was given: one side is a left, the "
     "other a right"
@@ -318,7 +318,7 @@ def relative_gap(surface):
 
 
 def reasons(moving, rows, fit):
-    """Why the `CertifiedMap` of a moving surface, rows from `error_rows`, is suspect: messages."""
+    """Why the `CheckedMap` of a moving surface, rows from `error_rows`, is suspect: messages."""
     errors = [*large_error(mean_rows(rows)), *odd_curves(rows)] if rows else []
     return [*errors, *switched_rows(fit, moving), *strong_distortion(moving, fit.mu)]
 
@@ -388,7 +388,7 @@ def odd_curves(rows):
 
 
 def switched_rows(fit, surface):
-    """`rows:` where the `CertifiedMap` of a surface had to be repaired at many vertices."""
+    """`rows:` where the `CheckedMap` of a surface had to be repaired at many vertices."""
     count = len(surface.vertices)
     if fit.switched > LIMITS["rows"] * count:
         yield (

@@ -33,7 +33,7 @@ SMOOTH_OUTLIERS = 3.0
 TAIL = 0.01
 ROUND = 20.0  # mm, the scale at which a hemisphere has no folds and still its shape
 HEAT_STEPS = 4  # implicit steps of the heat flow to one scale
-COARSE = 12_000  # vertices of a large surface on which coarser scales are smoothed
+COARSE_VERTICES = 12_000  # of a large surface, on which coarser scales are smoothed
 # mm^2, of a surface on which a scale is in mm; on others in proportion, whatever their unit.
 HEMISPHERE = 9e4
 
@@ -117,7 +117,7 @@ class Smoothing:
     def coarse(self):
         """Functions linear on the triangles of few vertices: their numbers (N,), (V, N) to values
         at all, mass and stiffness."""
-        some, mesh = thinned(self.disk, self.areas, COARSE)
+        some, mesh = thinned(self.disk, self.areas, COARSE_VERTICES)
         spread = mesh.sampling(self.disk.z)
         held = spread.sum(0) > 0  # a point on the rim may be in no triangle
         some, spread = some[held], spread[:, held]
@@ -172,16 +172,16 @@ class Features:
     """The features of a moving `ParameterizedSurface` compared with those of a control: a
     `ParameterizedSurface` or a group's mean.
 
-    names (C,); shares (C,): weights of sum 1; areas (V,): moving vertices' shares of the area;
+    names (C,); feature_weights (C,): of sum 1; areas (V,): moving vertices' shares of the area;
     disk: the control's.
     """
 
     def __init__(self, moving, control, weights=None):
-        self.sides = moving.features, control.features
-        self.names, self.areas = moving.features.names, moving.shares[0]
+        self.sides = moving.smoothing, control.smoothing
+        self.names, self.areas = moving.smoothing.names, moving.vertex_shares
         self.disk = control.disk
         weights = np.ones(len(self.names)) if weights is None else np.array(weights)
-        self.shares = weights / weights.sum()
+        self.feature_weights = weights / weights.sum()
 
     def at(self, sigma):
         """Both sides' features at scale sigma, standardised: (V, C) and (W, C)."""
@@ -210,7 +210,7 @@ class Directions(Features):
 
     def __init__(self, features, moving, control):
         self.sides, self.disk, self.areas = features.sides, features.disk, features.areas
-        self.shares = np.ones(3) / 3
+        self.feature_weights = np.ones(3) / 3
         here, there = (
             crude_sphere(surface, side.few(ROUND)[1])
             for surface, side in zip((moving, control), features.sides)
@@ -232,7 +232,7 @@ class RotationSearch:
         here, values = features.at(SCALE)
         self.some = np.random.default_rng(0).choice(len(here), POINTS, p=features.areas)
         few, _ = features.sides[1].few(SCALE)
-        self.here, self.values = here[self.some] * features.shares / POINTS, values[few]
+        self.here, self.values = here[self.some] * features.feature_weights / POINTS, values[few]
         # Many rotations ask for the nearest vertex to each cell of a grid on the sphere.
         cells = np.indices((2 * CELLS + 1,) * 3).reshape(3, -1).T / CELLS - 1
         near = abs(np.linalg.norm(cells, axis=1) - 1) < 1 / CELLS
@@ -301,7 +301,7 @@ def featured(moving, control, maps):
 
     def smoothed(side, name):
         values = np.stack([getattr(feature, name) for feature in maps], axis=1)
-        return replace(side, features=Smoothing(side.surface, names, values, side.disk))
+        return replace(side, smoothing=Smoothing(side.surface, names, values, side.disk))
 
     moving, control = smoothed(moving, "moving"), smoothed(control, "control")
     return moving, control, Features(moving, control, [feature.weight for feature in maps])
@@ -365,7 +365,7 @@ class Match:
         here, there = features.at(SCALE)
         self.lookup, self.image = features.disk.lookup, Image(features.disk, there)
         self.z, self.here = z[some], here[some]
-        self.shares = np.sqrt(features.shares / len(some))
+        self.scale = np.sqrt(features.feature_weights / len(some))
 
     def misfits(self, many):
         """Mean squares (B,) of the difference after each of B Möbius maps (a, theta), looked up in
@@ -373,13 +373,13 @@ class Match:
         a, theta = (np.array(part)[:, None] for part in zip(*many))
         places = self.lookup(mobius(np.tile(self.z, (len(a), 1)), a, theta).ravel())
         there = self.image.at(places).reshape(len(a), *self.here.shape)
-        return ((self.shares * (self.here - there)) ** 2).sum((1, 2))
+        return ((self.scale * (self.here - there)) ** 2).sum((1, 2))
 
     def after(self, parameters):
         """Mean square after one Möbius map, the points and their places then, and residuals."""
         w = mobius(self.z, *parameters)
         places = self.lookup(w)
-        residual = (self.shares * (self.here - self.image.at(places))).ravel()
+        residual = (self.scale * (self.here - self.image.at(places))).ravel()
         return residual @ residual, w, places, residual
 
     def refined(self, parameters):
@@ -388,11 +388,11 @@ class Match:
         damping = DAMPING
         cost, w, places, residual = self.after(parameters)
         for _ in range(ROUNDS):
-            slopes = (self.shares * self.image.slopes(places)).conj()
-            J = -(slopes[:, :, None] * mobius_fields(w)[:, None]).real.reshape(-1, 3)
-            normal = J.T @ J
+            slopes = (self.scale * self.image.slopes(places)).conj()
+            D = -(slopes[:, :, None] * mobius_fields(w)[:, None]).real.reshape(-1, 3)
+            normal = D.T @ D
             damped = normal + damping * np.diag(np.diag(normal))
-            turn, real, imaginary = np.linalg.solve(damped, -J.T @ residual)
+            turn, real, imaginary = np.linalg.solve(damped, -D.T @ residual)
             shift = complex(real, imaginary)
             tried = compose_mobius(parameters, (shift / np.sqrt(1 + abs(shift) ** 2), turn))
             after = self.after(tried)

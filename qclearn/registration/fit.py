@@ -2,9 +2,19 @@
 
 `fit_problem` (landmarks) and `fit_registration` (landmarks and features) run a
 `MultiresolutionFit`, compare its answer with the best Möbius map, and certify it;
-`fit_with_fallbacks` lowers the weights where no map is bijective. Objective: `nu^* W nu + gamma
-mean |M(f(p)) - q|^2 + delta sum_c a_c sum_k w_k (I_c(x_k) - J_c(M f(x_k)))^2
-+ eta mean (log J)^2`, J the areal scale from surface to surface.
+`fit_with_fallbacks` lowers the weights where no map is bijective. Objective:
+
+    `nu^* W nu + gamma mean |M(f(p)) - q|^2
+    + delta sum_c a_c sum_k w_k (s_c(x_k) - t_c(M f(x_k)))^2 + eta mean (log J)^2`
+
+mu = T(nu): the coefficient, T the activation `bounded` of plane/coefficients.py; nu is a free
+    complex field on a polar mesh, interpolated to the mapped mesh's faces before T is applied.
+W = alpha mass + beta Laplace: the prior's matrix; with areas its mass is the moving surface's.
+f, M: the solver's map of mu, and the disk Möbius map after it; a result's `f` is M f.
+s_c, t_c: the c-th feature of the moving surface and of the control; a, w: as in `FeatureTerm`.
+J: the areal scale from surface to surface. The residuals' derivative is D (gauss_newton.py).
+
+What is minimised is the energy of nu; what is reported, L_mu and L_grad_mu, is that of mu = T(nu).
 """
 
 from collections.abc import Callable, Sequence
@@ -21,7 +31,14 @@ from ..plane.disk import Disk
 from ..plane.mobius import best_mobius, mobius
 from ..plane.solver import DiskSolver
 from .features import PLACED, Features, best_by_features
-from .multiresolution import COARSE, MultiresolutionFit, feature_levels, landmark_levels, run_level
+from .multiresolution import (
+    COARSE_MM,
+    MultiresolutionFit,
+    Progress,
+    feature_levels,
+    landmark_levels,
+    run_level,
+)
 from .problem import DELTA, LandmarkError, Problem, Weights
 
 FEWEST_RINGS = 4  # of the polar mesh; half of them on the coarse one
@@ -37,13 +54,13 @@ SPENT = (
 
 
 @dataclass(frozen=True)
-class CertifiedMap:
-    """A disk map of a problem with its certificate.
+class CheckedMap:
+    """A disk map of a problem with the certificate's verdict, which may be that it folds.
 
     f: the map, Möbius part included; mu: its measured coefficient; mobius: (a, theta);
-    landmark_error: mean |f(p) - q|, 0 without landmarks; bijective, flipped: the certificate;
-    fallbacks: messages on what else was done; switched: at how many vertices the repair switched
-    rows, the most of the maps tried.
+    landmark_error: mean |f(p) - q|, 0 without landmarks; bijective, flipped: the certificate's
+    verdict and the flipped faces; fallbacks: messages on what else was done; switched: at how many
+    vertices the repair switched rows, the most of the maps tried.
     """
 
     f: Complex[ndarray, " V"]
@@ -55,23 +72,24 @@ class CertifiedMap:
     fallbacks: tuple
     switched: int
 
-    def with_messages(self, *messages: str) -> "CertifiedMap":
+    def with_messages(self, *messages: str) -> "CheckedMap":
         """The same with more `fallbacks`."""
         return replace(self, fallbacks=(*self.fallbacks, *messages))
 
 
 @dataclass(frozen=True)
-class LandmarkFit(CertifiedMap):
-    """Result of `fit_landmarks`: a `CertifiedMap` and how the fit came to it.
+class LandmarkFit(CheckedMap):
+    """Result of `fit_landmarks`: a `CheckedMap` and how the fit came to it.
 
     steps: Gauss-Newton steps on the polar mesh and on the given one; losses: L_mu, L_grad_mu,
     L_Landmark, L_CP of the coefficient field, L_features and L_area; r: feature -> correlation
-    after the best Möbius map and after this one.
+    after the best Möbius map and after this one; start_message: which of two starts the fit of
+    features without landmarks went on from.
     """
 
     steps: tuple
     losses: dict
-    start: str = ""
+    start_message: str = ""
     r: dict = field(default_factory=dict)
 
 
@@ -90,8 +108,8 @@ def fit_landmarks(
     watch: Callable | None = None,
     enough: float = 0.0,
 ) -> LandmarkFit:
-    """The quasi-conformal disk map that takes landmarks `moving` to `target`: a LandmarkFit,
-    certified or reported.
+    """The quasi-conformal disk map that takes landmarks `moving` to `target`: a LandmarkFit, whose
+    `bijective` says whether it is certified.
 
     Minimises `alpha mean|nu|^2 + beta mean|grad nu|^2 + gamma mean|M(f(p)) - q|^2` (means over the
     unit disk and over the M landmarks), to second order in nu the paper's L_CP. If this or the mean
@@ -110,8 +128,8 @@ def fit_landmarks(
 
 # On matrices of this size BLAS threads wait for each other: up to five times slower.
 @threadpool_limits.wrap(limits=1)
-def fit_problem(problem, weights, start=None, rings=None, watch=None, enough=0.0):
-    """`fit_landmarks` of a `Problem` with `Weights`."""
+def fit_problem(problem, weights, start_mu=None, rings=None, watch=None, enough=0.0):
+    """`fit_landmarks` of a `Problem` with `Weights`; start_mu: its `start`."""
     if rings is not None and not (isinstance(rings, (int, np.integer)) and rings >= FEWEST_RINGS):
         raise LandmarkError(
             f"rings = {rings!r}: give an integer from {FEWEST_RINGS}, or None to go by the mesh's "
@@ -120,10 +138,14 @@ def fit_problem(problem, weights, start=None, rings=None, watch=None, enough=0.0
     # From a coarse polar mesh to the caller's own.
     levels = landmark_levels(problem.disk, rings or rings_for(problem.disk))
     objective, state, steps = MultiresolutionFit(problem).run(
-        levels, weights, start, watch=watch, enough=enough
+        levels, weights, start_mu, watch=watch, enough=enough
     )
     fit = report_fit(objective, state, (sum(steps[:-1]), steps[-1]))
-    return no_worse_than_mobius(objective, state, fit, levels[-1], watch)[0]
+    mobius_state = objective.at_mobius(problem.mobius)
+    if above_mobius(objective, state, mobius_state):
+        # Landmarks alone need no guiding levels, so that steps on the last one may succeed.
+        fit = restart_from_mobius(objective, fit, mobius_state, levels[-1], watch)
+    return note_spent_work(objective, fit, mobius_state)
 
 
 @threadpool_limits.wrap(limits=1)
@@ -153,25 +175,29 @@ def fit_registration(
     levels = [level for level in limited(levels, problem.disk) if level.sigma or by_landmarks]
 
     # From coarse features on a coarse mesh to fine ones; without landmarks maybe from two starts.
-    multiresolution, begun = MultiresolutionFit(problem), ""
-    polar = [level for level in levels if not (level.own_mesh or level.proxy_rings)]
-    guiding = [level for level in polar if (level.sigma or 0) >= COARSE]
+    multiresolution, start_message = MultiresolutionFit(problem), ""
+    polar = [level for level in levels if level.on_nu_mesh]
+    guiding = [level for level in polar if (level.sigma or 0) >= COARSE_MM]
     if weights.eta and guiding and start is None and not len(problem.moving):
-        objective, state, steps, begun = better_of_two_starts(
+        (objective, state, steps), start_message = better_of_two_starts(
             multiresolution, guiding, polar, levels[len(polar) :], weights, features, watch
         )
     else:
         objective, state, steps = multiresolution.run(levels, weights, start, features, watch)
-    fit = replace(report_fit(objective, state, steps), start=begun)
-    fit, plain = no_worse_than_mobius(objective, state, fit)
+    fit = replace(report_fit(objective, state, steps), start_message=start_message)
+    mobius_state = objective.at_mobius(problem.mobius)
+    if above_mobius(objective, state, mobius_state):
+        # No restart: on the last level alone features would lead it to the nearest valley.
+        fit = mobius_instead(fit, report_fit(objective, mobius_state, fit.steps))
+    fit = note_spent_work(objective, fit, mobius_state)
     if weights.delta > OVERFITS:
         fit = fit.with_messages(f"delta = {weights.delta:g} overfits: choose it by held-out curves")
-    r = zip(features.correlation(plain.f).tolist(), features.correlation(fit.f).tolist())
+    r = zip(features.correlation(mobius_state.f).tolist(), features.correlation(fit.f).tolist())
     return replace(fit, r=dict(zip(features.names, map(list, r))))
 
 
 def better_of_two_starts(multiresolution, guiding, polar, fine, weights, features, watch):
-    """GaussNewtonObjective, state and steps of a fit without landmarks, and a message on its start.
+    """The `Progress` of a fit without landmarks, and a message on its start.
 
     Where two surfaces are cut elsewhere their disks differ by more than a Möbius map, and folds
     lead it into valleys that are not theirs. A second fit begins where `Directions` lead. Unless it
@@ -180,8 +206,8 @@ def better_of_two_starts(multiresolution, guiding, polar, fine, weights, feature
     """
     problem, z = multiresolution.problem, multiresolution.problem.disk.z
 
-    def run(levels, begun=(None, None)):
-        return multiresolution.run(levels, weights, None, features, watch, begun=begun)
+    def run(levels, resumed=None):
+        return multiresolution.run(levels, weights, None, features, watch, resumed=resumed)
 
     # The crude spheres lead the map from their best Möbius map on.
     directions = problem.sides.directions
@@ -190,25 +216,28 @@ def better_of_two_starts(multiresolution, guiding, polar, fine, weights, feature
     state = leading.at(nothing, best_by_features(directions, z, PLACED))
     state, _ = run_level(leading, state, guiding[0], watch)
     apart = features.areas @ abs(leading.coefficient_mesh.disk.sampling(z) @ state.f - z)
-    fits = {"spheres": run(guiding, (leading, state))}
+    best = run(guiding, Progress(leading, state))
     message = f"by crude spheres, {apart:.2g} in the disk from the best Möbius map of features"
 
     # Far from the best Möbius map of features: fit from there as well, and take the better of both.
     if apart >= APART:
-        fits["features"] = run(guiding)
-        values = {
-            name: objective.value(state, objective.weights.gamma)
-            for name, (objective, state, _) in fits.items()
-        }
-        best, other = sorted(values, key=values.get)
-        message = (
-            f"by {best} (objective {values[best]:.4g}), not by {other} "
-            f"(objective {values[other]:.4g})"
-        )
-        fits = {"best": fits[best]}
-    (begun,) = fits.values()
-    objective, state, steps = run([*polar[len(guiding) :], *fine], begun)
-    return objective, state, begun[2] + steps, message
+        best, message = better_start({"spheres": best, "features": run(guiding)})
+    objective, state, steps = run([*polar[len(guiding) :], *fine], best)
+    return Progress(objective, state, best.steps + steps), message
+
+
+def better_start(fits):
+    """Of two fits, name -> `Progress`, the one whose objective is lower, and a message on both."""
+    values = {
+        name: objective.value(state, objective.weights.gamma)
+        for name, (objective, state, _) in fits.items()
+    }
+    lower, other = sorted(values, key=values.get)
+    message = (
+        f"by {lower} (objective {values[lower]:.4g}), not by {other} "
+        f"(objective {values[other]:.4g})"
+    )
+    return fits[lower], message
 
 
 def rings_for(disk):
@@ -222,61 +251,54 @@ def limited(levels, disk):
     return [level._replace(rings=min(level.rings, most)) for level in levels]
 
 
-def no_worse_than_mobius(objective, state, fit, level=None, watch=None):
-    """The fit of a state and the state of the best Möbius map; where the fit ended above that map,
-    one by steps from there on a `level`, or else that map; with a message where the work is spent,
-    and then that map in place of one that folds."""
-    plain = objective.at_mobius(objective.problem.mobius)
-    if exceeds(objective, state, plain):
-        if level is None:
-            fit = instead(fit, report_fit(objective, plain, fit.steps))
-        else:
-            fit = fit_from_mobius(objective, fit, plain, level, watch)
-    if objective.spent:
-        if not fit.bijective:
-            fit = report_fit(objective, plain, fit.steps)
-            fit = fit.with_messages("the fit folds: the best Möbius map is returned")
-        fit = fit.with_messages(SPENT)
-    return fit, plain
-
-
-def exceeds(objective, state, plain):
-    """Whether a fit ends above the state `plain` of the best Möbius map, in objective or, without
-    features, in the landmarks' mean squared distance."""
+def above_mobius(objective, state, mobius_state):
+    """Whether a state lies above that of the best Möbius map, in objective or, without features, in
+    the landmarks' mean squared distance."""
 
     def sizes(state):
         yield objective.value(state, objective.weights.gamma)
-        if objective.features is None:
+        if objective.feature_term is None:
             yield (abs(state.points - objective.problem.target) ** 2).mean()
 
     return not all(
-        fitted <= (1 + ROUNDING) * best for fitted, best in zip(sizes(state), sizes(plain))
+        fitted <= (1 + ROUNDING) * best for fitted, best in zip(sizes(state), sizes(mobius_state))
     )
 
 
-def fit_from_mobius(objective, astray, plain, level, watch):
-    """The fit by steps from the best Möbius map in place of one that ended above it, or else
-    `instead` of that one."""
+def restart_from_mobius(objective, fit, mobius_state, level, watch):
+    """A second fit, by steps of a level from the best Möbius map, in place of one that ended above
+    that map; `mobius_instead` where the second fit ends above it, too."""
     objective.work = 0.0  # the restart may take as much as the fit before it
-    begin = objective.at(plain.nu, plain.mobius)
-    state, taken = run_level(objective, begin, level, watch)
-    steps = astray.steps[0], astray.steps[1] + taken
-    fit = report_fit(objective, state, steps)
-    if fit.bijective and not exceeds(objective, state, plain):
-        return fit.with_messages(f"{ABOVE}: {taken} steps from there")
-    return instead(astray, report_fit(objective, plain, steps))
+    start_state = objective.at(mobius_state.nu, mobius_state.mobius)
+    state, taken = run_level(objective, start_state, level, watch)
+    steps = fit.steps[0], fit.steps[1] + taken
+    second = report_fit(objective, state, steps)
+    if second.bijective and not above_mobius(objective, state, mobius_state):
+        return second.with_messages(f"{ABOVE}: {taken} steps from there")
+    return mobius_instead(fit, report_fit(objective, mobius_state, steps))
 
 
-def instead(fit, plain):
+def mobius_instead(fit, mobius_fit):
     """The best Möbius map in place of a fit that ended above it, unless that map alone folds the
     mesh."""
-    if plain.bijective or not fit.bijective:
-        return plain.with_messages(f"{ABOVE}: that map is returned")
+    if mobius_fit.bijective or not fit.bijective:
+        return mobius_fit.with_messages(f"{ABOVE}: that map is returned")
     return fit.with_messages(f"{ABOVE}: kept, as that map folds the mesh")
 
 
+def note_spent_work(objective, fit, mobius_state):
+    """The fit, with a message where its work is spent; then the best Möbius map in place of one
+    that folds."""
+    if not objective.spent:
+        return fit
+    if not fit.bijective:
+        fit = report_fit(objective, mobius_state, fit.steps)
+        fit = fit.with_messages("the fit folds: the best Möbius map is returned")
+    return fit.with_messages(SPENT)
+
+
 def report_fit(objective, state, steps):
-    """Certify a state's map and gather what `fit_landmarks` returns."""
+    """The LandmarkFit of a state: its map with the certificate's verdict, and its losses."""
     mu, weights = bounded(state.nu), objective.weights
     off = abs(state.points - objective.problem.target)
     losses = {
@@ -286,22 +308,23 @@ def report_fit(objective, state, steps):
     }
     losses["L_CP"] = float(sum(factor * losses[name] for name, factor in weights.factors.items()))
     for name, term, weight in (
-        ("L_features", objective.features, weights.delta),
-        ("L_area", objective.areas, weights.eta),
+        ("L_features", objective.feature_term, weights.delta),
+        ("L_area", objective.area_term, weights.eta),
     ):
         if term is not None:
             losses[name] = float((term.residual(state.f) ** 2).sum() / weight)
     messages = solver_messages(state.solution, state.switched)
-    result = certified(objective.problem, state.f, state.mobius, messages, state.switched)
+    result = checked(objective.problem, state.f, state.mobius, messages, state.switched)
     return LandmarkFit(**vars(result), steps=steps, losses=losses)
 
 
-def certified(problem, f, parameters, fallbacks=(), switched=0):
-    """The CertifiedMap of a problem's map f (V,), which holds the Möbius parameters."""
+def checked(problem, f, parameters, fallbacks=(), switched=0):
+    """The CheckedMap of a problem's map f (V,), which includes the Möbius map of these
+    parameters; it may fold."""
     certificate, mu = problem.disk.certify(f), problem.disk.coefficient(f)
     off = abs(problem.samples @ f - problem.target)
     error = float(off.mean()) if len(off) else 0.0
-    return CertifiedMap(
+    return CheckedMap(
         f,
         mu,
         parameters,
@@ -314,23 +337,24 @@ def certified(problem, f, parameters, fallbacks=(), switched=0):
 
 
 def moved_map(problem, f, fallbacks=()):
-    """M after f (V,), M the disk Möbius map with the least `mean |M(f(p)) - q|^2`: CertifiedMap."""
+    """M after f (V,), M the disk Möbius map with the least `mean |M(f(p)) - q|^2`: CheckedMap,
+    not repaired."""
     parameters = best_mobius(problem.samples @ f, problem.target)
     f = mobius(f, *parameters)
     f[problem.disk.loop] /= abs(f[problem.disk.loop])
-    return certified(problem, f, parameters, fallbacks)
+    return checked(problem, f, parameters, fallbacks)
 
 
 def exact_map(problem, mu):
     """`moved_map` of the exact solver's map for mu (F,), solved again with switched rows where it
-    folds."""
+    folds; the CheckedMap may fold even then."""
     solver = DiskSolver(problem.disk)
     f = solver.solve(mu)
     result = moved_map(problem, f, solver_messages(solver))
     if result.bijective:
         return result
     f, rows, _ = unfold(solver, mobius(f, *result.mobius))
-    return certified(problem, f, result.mobius, solver_messages(solver, len(rows)), len(rows))
+    return checked(problem, f, result.mobius, solver_messages(solver, len(rows)), len(rows))
 
 
 def solver_messages(solver, switched=0):
@@ -339,14 +363,14 @@ def solver_messages(solver, switched=0):
     return tuple(f"{count} {name}" for name, count in repairs.items() if count)
 
 
-def fit_with_fallbacks(problem, weights, start=None, enough=0.0, features=None):
+def fit_with_fallbacks(problem, weights, start_mu=None, enough=0.0, features=None):
     """`fit_problem`, or with `Features` `fit_registration`, at the first `weight_fallbacks` of
-    weights whose map is bijective."""
+    weights whose map is bijective; start_mu: mu (F,) to begin from."""
     for tried in weight_fallbacks(weights, problem, features):
         if features is None:
-            fit = fit_problem(problem, tried, start=start, enough=enough)
+            fit = fit_problem(problem, tried, start_mu=start_mu, enough=enough)
         else:
-            fit = fit_registration(problem, tried, features, start)
+            fit = fit_registration(problem, tried, features, start_mu)
         if fit.bijective:
             messages = [
                 f"{name} lowered to {getattr(tried, name):g}"

@@ -5,10 +5,10 @@ r of the mapped mesh, `dr = Re(conj(R) dw)`, from landmarks, features and areas.
 linearises r at a `State`, solves the quadratic model, and searches along the solution.
 
 Three classes solve the model; `propose()` returns a `Change`. `DirectStep` (landmarks on the
-polar mesh) holds the whole derivative J of r by nu. `DualStep` (landmarks) and `PrimalStep`
-(features or areas) are for large meshes: they multiply by J through `pushforward` and by its
+polar mesh) holds the whole derivative D of r by nu. `DualStep` (landmarks) and `PrimalStep`
+(features or areas) are for large meshes: they multiply by D through `pushforward` and by its
 transpose through `pullback`, two solves of the map's equations per product, in conjugate gradients.
-The landmarks' rows of J, in closed form, precondition these, and the products of one step correct
+The landmarks' rows of D, in closed form, precondition these, and the products of one step correct
 the preconditioner of the next.
 """
 
@@ -43,8 +43,11 @@ MOBIUS_SHARE = 0.02
 # Conjugate gradients: how many steps at most (dual steps are few, unless gamma is extreme).
 STEPS = 80
 DUAL_STEPS = 200
-# Share of the objective by which the model of a step on the caller's mesh must lower it.
+# Share of the objective by which the model of a step on the caller's mesh or its proxy must lower
+# it.
 MIN_DECREASE = 1e-3
+# A dual step's conjugate gradients end where it can gain at most this share of the objective.
+SMALL_GAIN = 1e-3
 # Share of its gain by which a dual step may miss the model's least objective.
 FORCING = 0.1
 # Residual that a primal step leaves, in the preconditioner's norm, up to gamma = 1e3; beyond, less
@@ -67,13 +70,13 @@ TRIES = 4
 # Landmarks whose adjoint equations are solved together, which bounds the memory.
 LANDMARKS_AT_ONCE = 16
 
-# Work of a level, in parts of one exact map: of a product with J and its transpose, and of a round
+# Work of a level, in parts of one exact map: of a product with D and its transpose, and of a round
 # of the repair.
 PRODUCT_WORK = 0.35
 REPAIR_WORK = 1.4
-# The most that one level on the caller's mesh may take: MOST_WORK up to LOW_GAMMA, growing above by
-# the power GROWTH of gamma. The slowest good problems (book/studies/effort.py) took 8, 30, 94, 164
-# and 290 at gamma = 1e3, 1e5, 1e6, 1e7 and 1e8, and 70 with folds.
+# The most that one level on the caller's mesh or its proxy may take: MOST_WORK up to LOW_GAMMA,
+# growing above by the power GROWTH of gamma. The slowest good problems (book/studies/effort.py)
+# took 8, 30, 94, 164 and 290 at gamma = 1e3, 1e5, 1e6, 1e7 and 1e8, and 70 with folds.
 MOST_WORK = 120.0
 LOW_GAMMA = 1e5
 GROWTH = 0.25
@@ -90,26 +93,26 @@ class Change(NamedTuple):
 
 
 class DirectStep:
-    """Landmarks alone with their whole Jacobian J: the dual equations `S y = r - J nu`, `S = 1 + J
-    W^-1 J^T`, whose solution y is the residual that the step leaves."""
+    """Landmarks alone with their whole derivative D: the dual equations `S y = r - D nu`, `S = 1 +
+    D W^-1 D^T`, whose solution y is the residual that the step leaves."""
 
     preconditioner = None
 
     def __init__(self, objective, state, gamma):
         self.nu = state.nu
         self.residual = objective.residual(state, gamma)
-        self.J = objective.jacobian(state, gamma)
+        self.D = objective.jacobian(state, gamma)
         fields = objective.samples @ mobius_fields(state.f)
         self.by_mobius = objective.landmarks.components(fields, gamma)
-        self.lifted = objective.solve_prior(self.J.T)
-        self.gram = (self.J.conj() @ self.lifted).real
+        self.lifted = objective.solve_prior(self.D.T)
+        self.gram = (self.D.conj() @ self.lifted).real
 
     def propose(self, damping=0.0):
         """The `Change` by one dense solve of the landmarks' size; damping d adds `d (change^* W
         change)` to the model, and the same for the Möbius part."""
         share, weight = 1 / (1 + damping), MOBIUS_PRIOR + damping
         gram = share * self.gram + self.by_mobius @ self.by_mobius.T / weight
-        constant = self.residual - share * (self.J.conj() @ self.nu).real
+        constant = self.residual - share * (self.D.conj() @ self.nu).real
         y = solve_dual(gram, constant)
         turn, real, imaginary = -self.by_mobius.T @ y / weight
         # Undamped, the model's least objective is constant . y.
@@ -123,7 +126,7 @@ def solve_dual(gram, constant):
 
 
 class ProductStep:
-    """Products with J, the residuals' derivative at a state, by changes x of nu and of the Möbius
+    """Products with D, the residuals' derivative at a state, by changes x of nu and of the Möbius
     parameters, real (2 N + 3,)."""
 
     def __init__(self, objective, state, gamma):
@@ -152,14 +155,14 @@ class ProductStep:
         return P * change + Q * change.conj()
 
     def forward(self, x):
-        """J x, the change of the residual with x."""
+        """D x, the change of the residual with x."""
         self.objective.work += PRODUCT_WORK
         dmu = self.activated(self.to_faces @ x[:-3].view(complex))
         dw = self.slope * self.state.solution.pushforward(dmu) + self.fields @ x[-3:]
         return (self.rows_conj @ dw).real
 
     def adjoint(self, y):
-        """J^T y."""
+        """D^T y."""
         grad_w = self.rows_T @ y
         grad_mu = self.state.solution.pullback(self.slope.conj() * grad_w)
         by_nu = self.to_faces_T @ self.activated(grad_mu)
@@ -206,30 +209,31 @@ def conjugate_gradients(product, precondition, rest, directions):
 
 
 class DualStep(ProductStep):
-    """Landmarks alone, the equations of `DirectStep` by products: `S = 1 + J diag(W, B)^-1 J^T`.
+    """Landmarks alone, the equations of `DirectStep` by products: `S = 1 + D diag(W, B)^-1 D^T`.
 
-    A matrix near S preconditions well at any gamma; one near `W + J^T J` does not, because that is
-    large where J is not quite 0. preconditioner: about `J W^-1 J^T` at gamma = 1, (2 M, 2 M).
+    A matrix near S preconditions well at any gamma; one near `W + D^T D` does not, because that is
+    large where D is not quite 0. preconditioner: about `D W^-1 D^T` at gamma = 1, (2 M, 2 M).
     """
 
     def __init__(self, objective, state, gamma):
         super().__init__(objective, state, gamma)
         if self.preconditioner is None:  # at the first state, from the closed form
-            J = objective.jacobian(state, 1.0)
-            self.preconditioner = (J.conj() @ objective.solve_prior(J.T)).real
+            D = objective.approximate_jacobian(state, 1.0)
+            self.preconditioner = (D.conj() @ objective.solve_prior(D.T)).real
 
     def propose(self, damping=0.0):
         """The `Change` by conjugate gradients; damping as of `DirectStep.propose`."""
-        share, weight, Jm = 1 / (1 + damping), MOBIUS_PRIOR + damping, self.by_mobius
+        share, weight = 1 / (1 + damping), MOBIUS_PRIOR + damping
         B = share * weight * np.eye(3)
+        by_mobius = self.by_mobius
         lifted, directions = [], []
 
         def product(y):
             lifted.append(share * self.lift(self.adjoint(y), B))
             return y + self.forward(lifted[-1])
 
-        mobius_part = Jm @ Jm.T / weight
-        S = np.eye(len(Jm)) + share * (self.gamma * self.preconditioner) + mobius_part
+        mobius_part = by_mobius @ by_mobius.T / weight
+        S = np.eye(len(by_mobius)) + share * (self.gamma * self.preconditioner) + mobius_part
         before = self.model()
         constant = self.residual - share * self.forward(self.nu)
         solve = conjugate_gradients(product, np.linalg.inv(S).__matmul__, constant, directions)
@@ -237,7 +241,7 @@ class DualStep(ProductStep):
             # The model's least objective is at least `least`, and that of y is `least + left`.
             least, left = y @ (constant + rest), rest @ rest
             gain = before - least
-            done = gain < MIN_DECREASE * before or left <= FORCING * (gain - left)
+            done = gain < SMALL_GAIN * before or left <= FORCING * (gain - left)
             if done or not size > 0 or self.objective.spent:  # size 0: what is left is rounding
                 break
         if directions:
@@ -266,33 +270,34 @@ def corrected(gram, products, gamma):
 
 
 class PrimalStep(ProductStep):
-    """`(W + J^T J) x = -(W nu + J^T r)` with features or areas, x the change of nu and of the
+    """`(W + D^T D) x = -(W nu + D^T r)` with features or areas, x the change of nu and of the
     Möbius parameters, real.
 
-    `P = diag(W, B) + J_L^T J_L`, by Woodbury's formula, preconditions it: each of the landmarks'
-    rows J_L of a large gamma would else cost a step; B: the other terms' part on the Möbius
+    `P = diag(W, B) + D_L^T D_L`, by Woodbury's formula, preconditions it: each of the landmarks'
+    rows D_L of a large gamma would else cost a step; B: the other terms' part on the Möbius
     parameters. preconditioner: directions of the last step, products with them, and their sizes.
     """
 
     def __init__(self, objective, state, gamma):
         super().__init__(objective, state, gamma)
-        self.accuracy = ACCURACY if objective.areas is None else ACCURACY_WITH_AREAS
+        self.accuracy = ACCURACY if objective.area_term is None else ACCURACY_WITH_AREAS
         if len(state.points):
             self.accuracy /= max(1.0, np.log10(gamma) - 2)
         by_mobius = (self.rows_conj[len(self.by_mobius) :] @ self.fields).real
         self.B = MOBIUS_PRIOR * np.eye(3) + MOBIUS_SHARE * by_mobius.T @ by_mobius
         self.B += RELIEF * self.by_mobius.T @ self.by_mobius
-        by_nu = np.ascontiguousarray(objective.jacobian(state, gamma)).view(float)
-        self.J = np.hstack([by_nu, self.by_mobius])
-        self.lifted = self.lift(self.J.T, self.B)
-        self.S = np.linalg.inv(np.eye(len(self.J)) + self.J @ self.lifted)
+        by_nu = objective.approximate_jacobian(state, gamma)
+        by_nu = np.ascontiguousarray(by_nu).view(float)
+        self.D_L = np.hstack([by_nu, self.by_mobius])
+        self.lifted = self.lift(self.D_L.T, self.B)
+        self.S = np.linalg.inv(np.eye(len(self.D_L)) + self.D_L @ self.lifted)
 
     def precondition(self, g):
         """`P^-1 g`, corrected (BFGS) to be exact in the last step's directions."""
 
         def woodbury(g):
             x = self.lift(g, self.B)
-            return x - self.lifted @ (self.S @ (self.J @ x))
+            return x - self.lifted @ (self.S @ (self.D_L @ x))
 
         if self.preconditioner is None:
             return woodbury(g)
@@ -345,11 +350,12 @@ class State:
 
 
 class Discretization:
-    """What no weight changes of a `Problem` on a `CoefficientMesh`; own: the problem's disk is
-    mapped, or a proxy of it, not the mesh of nu."""
+    """What no weight changes of a `Problem` on a `CoefficientMesh`; on_nu_mesh: the polar mesh of
+    nu is mapped itself, not the problem's disk or a proxy of it."""
 
-    def __init__(self, problem, coefficient_mesh, own):
-        self.problem, self.coefficient_mesh, self.own = problem, coefficient_mesh, own
+    def __init__(self, problem, coefficient_mesh, on_nu_mesh):
+        self.problem, self.coefficient_mesh = problem, coefficient_mesh
+        self.on_nu_mesh = on_nu_mesh
         self.samples = coefficient_mesh.disk.sampling(problem.moving)
         self.landmarks = LandmarkTerm(problem.target, problem.curve, problem.sliding)
 
@@ -365,14 +371,14 @@ class Discretization:
         meshes, moving = self.coefficient_mesh, self.problem.sides.moving
         same = meshes.disk is meshes.mesh
         S = self.sampling if same else meshes.mesh.sampling(moving.disk.z)
-        return (S.T @ sparse.diags_array(moving.shares[0]) @ S).tocsc()
+        return (S.T @ sparse.diags_array(moving.vertex_shares) @ S).tocsc()
 
     @cached_property
-    def shares(self):
-        """Sparse (F, G): the G moving faces' shares of their area, in the F faces of the mapped
-        mesh that hold them."""
+    def moving_to_mapped(self):
+        """Sparse (F, G): the shares of their area of the G moving faces, in the rows of the F faces
+        of the mapped mesh that hold these."""
         moving, mapped = self.problem.sides.moving, self.coefficient_mesh.disk
-        shares = moving.shares[1]
+        shares = moving.face_shares
         columns = np.arange(len(shares))
         rows = columns if mapped is moving.disk else mapped.locate(moving.disk.centroids)[0]
         shape = len(mapped.faces), len(shares)
@@ -381,8 +387,8 @@ class Discretization:
     def by_area(self, values):
         """The moving area's shares (F,) in the mapped faces, and means (F,) there of values (V,) of
         its vertices."""
-        shares = self.shares.sum(1)
-        sums = self.shares @ values[self.problem.sides.moving.disk.faces].mean(1)
+        shares = self.moving_to_mapped.sum(1)
+        sums = self.moving_to_mapped @ values[self.problem.sides.moving.disk.faces].mean(1)
         return shares, np.divide(sums, shares, out=np.zeros(len(sums)), where=shares > 0)
 
     @cached_property
@@ -395,22 +401,23 @@ class GaussNewtonObjective:
     """The objective of a `Discretization` with `Weights`, and maybe a `FeatureTerm` and an
     `AreaTerm`: `state = at(nu, mobius)`, `value(state, gamma)`, `step(state, gamma)`.
 
-    Folds of the problem's own mesh are repaired; `work` counts what the steps cost there.
+    Folds are repaired on the problem's own mesh and on its proxy, not on the mesh of nu; `work`
+    counts what the steps cost and is bounded there.
     """
 
-    def __init__(self, discretization, weights, features=None, areas=None):
+    def __init__(self, discretization, weights, feature_term=None, area_term=None):
         self.discretization, self.weights = discretization, weights
-        self.features, self.areas = features, areas
-        self.terms = [term for term in (features, areas) if term is not None]
+        self.feature_term, self.area_term = feature_term, area_term
+        self.terms = [term for term in (feature_term, area_term) if term is not None]
         self.problem, self.samples = discretization.problem, discretization.samples
         self.coefficient_mesh = mesh = discretization.coefficient_mesh
         self.landmarks = discretization.landmarks
-        self.mass = mesh.mass if areas is None else discretization.mass_by_area
+        self.mass = mesh.mass if area_term is None else discretization.mass_by_area
         self.W = weights.alpha * self.mass + weights.beta * mesh.laplace
         self.factors = factorise(self.W)
         self.work, self.most_work = 0.0, np.inf
         self.last = None, None, None  # map, gamma and residual
-        if discretization.own:
+        if not discretization.on_nu_mesh:
             gamma = weights.gamma if len(self.problem.moving) else LOW_GAMMA
             self.most_work = MOST_WORK * max(gamma / LOW_GAMMA, 1.0) ** GROWTH
 
@@ -445,11 +452,11 @@ class GaussNewtonObjective:
 
     def state(self, nu, parameters, solution, f=None):
         """The `State` of the solver's map of nu and the Möbius map after it, or of a map f (V,) in
-        the place of both, repaired where it folds the problem's own mesh."""
+        the place of both, repaired where it folds a mesh that is not that of nu."""
         switched, rounds = (), 0
         if f is None:
             f = mobius(solution.f, *parameters)
-        if self.discretization.own:
+        if not self.discretization.on_nu_mesh:
             f, switched, rounds = unfold(solution, f)
         return State(nu, parameters, f, self.samples @ f, solution, len(switched), rounds)
 
@@ -480,13 +487,14 @@ class GaussNewtonObjective:
         return abs(state.points - self.problem.target).mean()
 
     def jacobian(self, state, gamma):
-        """Gradients of the landmarks' residual by nu, complex (2 M, N).
+        """Gradients of the landmarks' residual by nu, complex (2 M, N), by adjoint solves."""
+        return self.landmarks.jacobian(*self.exact_gradients(state), gamma)
 
-        On the problem's own mesh in closed form, a few percent off and without a solve, to
-        precondition exact products; on a polar mesh exactly, by adjoint solves, which cost little.
-        """
-        if not self.discretization.own:
-            return self.landmarks.jacobian(*self.exact_gradients(state), gamma)
+    def approximate_jacobian(self, state, gamma):
+        """The same to precondition exact products: in closed form, a few percent off and without a
+        solve; on the mesh of nu, where adjoint solves cost little, the exact one."""
+        if self.discretization.on_nu_mesh:
+            return self.jacobian(state, gamma)
         f = state.solution.f
         slope = self.samples @ mobius_slope(f, *state.mobius)
         gradients = self.discretization.tangent.gradients(state.nu, f)
@@ -516,7 +524,7 @@ class GaussNewtonObjective:
 
     def linearise(self, state, gamma):
         """The quadratic model at a state, ready to `propose` a `Change`."""
-        alone = DualStep if self.discretization.own else DirectStep
+        alone = DirectStep if self.discretization.on_nu_mesh else DualStep
         return (PrimalStep if self.terms else alone)(self, state, gamma)
 
     def step(self, state, gamma, min_predicted_decrease=0.0):

@@ -17,12 +17,12 @@ from ..plane.grids import polar
 from ..plane.linear import LARGE
 from ..plane.tangent import CoefficientMesh
 from .features import FINEST, Smoothing
-from .gauss_newton import MIN_DECREASE, Discretization, GaussNewtonObjective
+from .gauss_newton import MIN_DECREASE, Discretization, GaussNewtonObjective, State
 from .problem import LandmarkError
 from .residuals import AreaTerm, FeatureTerm, Places
 
-# Share of the objective that a step on a polar mesh has to promise, as MIN_DECREASE on the
-# caller's.
+# Share of the objective that a step on the mesh of nu has to promise, as MIN_DECREASE on the
+# caller's or its proxy.
 MIN_DECREASE_ON_GRID = 1e-2
 # Share of the objective that two steps leave where the next is not worth its cost, on either mesh:
 # one step may gain little and the next one much.
@@ -33,9 +33,9 @@ STALL_RATIO_ON_GRID = 0.95
 FIRST_GAMMA = 1e2
 # Until the last level: a large gamma tears the map to the landmarks before features can lead it.
 GUIDING_GAMMA = 1e2
-# At most, from the scale COARSE (mm) up: a large delta tears the map to the nearest folds.
+# At most, from the scale COARSE_MM up: a large delta tears the map to the nearest folds.
 GUIDING_DELTA = 0.3
-COARSE = 16.0
+COARSE_MM = 16.0
 # At most, with areas above the finest scale: larger ones lead to the wrong valleys.
 AREAS_DELTA = 1.0
 AREAS_ETA = 0.1
@@ -52,12 +52,13 @@ class Level(NamedTuple):
     """One mesh of a fit, and its steps.
 
     rings: of the mesh of nu; sigma: the features' scale (None: landmarks alone); steps: at most;
-    own_mesh: map the surface's own mesh; min_predicted_decrease: share of the objective by which
+    own_mesh: map the caller's own mesh; min_predicted_decrease: share of the objective by which
     the model of a step must lower it; stall_ratio: share of the objective that two steps may leave
-    if another is to follow, inf for any; share, most: gamma here is share times the caller's, and
-    at most `most`; rising: raise gamma to that from FIRST_GAMMA, where nu is 0; proxy_rings: rings
-    of a polar mesh that is mapped in the own one's place, with its weights; skip_ratio: take no
-    step where the objective is at most so many times that of the level before.
+    if another is to follow, inf for any; gamma_factor, most: gamma here is so many times the
+    caller's, and at most `most`; rising: raise gamma to that from FIRST_GAMMA, where nu is 0;
+    proxy_rings: rings of a polar mesh that is mapped in the own one's place, its proxy, with its
+    weights; skip_ratio: take no step where the objective is at most so many times that of the level
+    before.
     """
 
     rings: int
@@ -66,22 +67,27 @@ class Level(NamedTuple):
     own_mesh: bool = False
     min_predicted_decrease: float = MIN_DECREASE_ON_GRID
     stall_ratio: float = np.inf
-    share: float = 1.0
+    gamma_factor: float = 1.0
     most: float = np.inf
     rising: bool = False
     proxy_rings: int = 0
     skip_ratio: float = 0.0
 
+    @property
+    def on_nu_mesh(self):
+        """Whether the mesh of nu is mapped itself, not the caller's or its proxy."""
+        return not (self.own_mesh or self.proxy_rings)
+
     def weights(self, weights):
         """The `Weights` at this level."""
-        if self.own_mesh or self.proxy_rings:
+        if not self.on_nu_mesh:
             return weights
         delta, eta, sigma = weights.delta, weights.eta, self.sigma or 0.0
-        if sigma >= COARSE:
+        if sigma >= COARSE_MM:
             delta = min(delta, GUIDING_DELTA)
         if eta and sigma > FINEST:
             delta, eta = min(delta, AREAS_DELTA), min(eta, AREAS_ETA)
-        gamma = min(self.share * weights.gamma, self.most)
+        gamma = min(self.gamma_factor * weights.gamma, self.most)
         return replace(weights, gamma=gamma, delta=delta, eta=eta)
 
 
@@ -120,9 +126,18 @@ def landmark_levels(disk, rings):
     # At a tenth of gamma: the coarse mesh's own error moves the landmarks, and the full weight
     # would bend nu after it. On the tests' smooth problems that costs up to a step more there and
     # ends up to 3 % higher in L_CP.
-    coarse = Level(rings // 2, None, 5, share=0.1, rising=True)
+    coarse = Level(rings // 2, None, 5, gamma_factor=0.1, rising=True)
     own = Level(rings, None, 24, True, MIN_DECREASE)
     return [coarse, *(with_proxy(own) if len(disk.z) > LARGE else [own])]
+
+
+class Progress(NamedTuple):
+    """Where a fit on levels stands: the last objective, its state, how many steps each level
+    took."""
+
+    objective: GaussNewtonObjective
+    state: State
+    steps: tuple = ()
 
 
 class MultiresolutionFit:
@@ -137,10 +152,10 @@ class MultiresolutionFit:
         nu."""
         key = level.rings, level.own_mesh, level.proxy_rings
         if key not in self.discretizations:
+            rings, on_nu_mesh = level.rings, level.on_nu_mesh
             disk = polar(level.proxy_rings) if level.proxy_rings else self.problem.disk
-            rings, own = level.rings, level.own_mesh or level.proxy_rings > 0
-            mesh = CoefficientMesh(disk, polar(rings)) if own else polar_mesh(rings)
-            self.discretizations[key] = Discretization(self.problem, mesh, own)
+            mesh = polar_mesh(rings) if on_nu_mesh else CoefficientMesh(disk, polar(rings))
+            self.discretizations[key] = Discretization(self.problem, mesh, on_nu_mesh)
         return self.discretizations[key]
 
     def objective(self, level, weights, features=None):
@@ -170,7 +185,7 @@ class MultiresolutionFit:
     def area_term(self, level, discretization, eta, places):
         """The `AreaTerm` of one level; places: of the mapped vertices."""
         mapped = discretization.coefficient_mesh.disk
-        sigma = FINEST if discretization.own else level.sigma or LEVELS[0].sigma
+        sigma = (level.sigma or LEVELS[0].sigma) if level.on_nu_mesh else FINEST
         shares, moving = discretization.by_area(self.density("moving", sigma))
         if level.proxy_rings or level.skip_ratio:
             shares = np.where(abs(mapped.centroids) < RIM, shares, 0.0)
@@ -180,31 +195,32 @@ class MultiresolutionFit:
         """A side's density at a scale, as `Smoothing.density`, cached."""
         if (name, sigma) not in self.densities:
             side = getattr(self.problem.sides, name)
-            smoothing = side.features
+            smoothing = side.smoothing
             if smoothing is None:
                 smoothing = Smoothing(side.surface, (), side.surface.vertices[:, :0], side.disk)
             self.densities[name, sigma] = smoothing.density(sigma, side.disk)
         return self.densities[name, sigma]
 
     def run(
-        self, levels, weights, start=None, features=None, watch=None, enough=0.0, begun=(None, None)
+        self, levels, weights, start_mu=None, features=None, watch=None, enough=0.0, resumed=None
     ):
-        """The steps of each level: the last objective, its last state, how many steps each level
-        took.
+        """The `Progress` after the steps of these levels, with the steps of these alone.
 
-        start: mu (F,) to begin from, or None; begun: objective and state to go on from instead;
-        watch, enough: of `run_level`.
+        start_mu: mu (F,) to begin from, or None; resumed: `Progress` to go on from instead; watch,
+        enough: of `run_level`.
         """
-        (objective, state), steps = begun[:2], []
+        objective, state = resumed[:2] if resumed else (None, None)
+        steps = []
         for level in levels:
             before, objective = objective, self.objective(level, weights, features)
             limit = 0.0
             if before is None:
-                state = self.first_state(objective, start, features is not None)
+                state = self.first_state(objective, start_mu, features is not None)
             else:
                 if level.skip_ratio:
                     limit = level.skip_ratio * before.value(state, weights.gamma)
-                nu = self.carried(before, state, objective, start if features is None else None)
+                known_mu = start_mu if features is None else None
+                nu = self.carried(before, state, objective, known_mu)
                 same = before.terms and before.discretization is objective.discretization
                 known = state.preconditioner if same else None
                 state = replace(objective.at(nu, state.mobius), preconditioner=known)
@@ -213,24 +229,24 @@ class MultiresolutionFit:
             if not (limit > 0 and objective.value(state, weights.gamma) <= limit):
                 state, taken = run_level(objective, state, level, watch, enough)
             steps.append(taken)
-        return objective, state, tuple(steps)
+        return Progress(objective, state, tuple(steps))
 
-    def first_state(self, objective, start, by_features):
-        """The state with mu `start` (F,), and the problem's best Möbius map, or with features that
-        after the map of mu."""
-        nu = start_field(self.problem.disk, start, objective.coefficient_mesh.mesh)
+    def first_state(self, objective, start_mu, by_features):
+        """The state with mu `start_mu` (F,) and `Problem.mobius`, or with features the best Möbius
+        map after the map of mu."""
+        nu = start_field(self.problem.disk, start_mu, objective.coefficient_mesh.mesh)
         state = objective.at(nu, self.problem.mobius)
-        if by_features and start is not None and len(self.problem.moving):
+        if by_features and start_mu is not None and len(self.problem.moving):
             state = objective.aligned(state)
         return state
 
-    def carried(self, before, state, objective, start):
-        """nu on the next objective's mesh: mu `start` (F,) with its details, and what the steps
+    def carried(self, before, state, objective, start_mu):
+        """nu on the next objective's mesh: mu `start_mu` (F,) with its details, and what the steps
         have changed."""
         old, new = before.coefficient_mesh.mesh, objective.coefficient_mesh.mesh
         if old is new:
             return state.nu
-        known, begin = (start_field(self.problem.disk, start, mesh) for mesh in (old, new))
+        known, begin = (start_field(self.problem.disk, start_mu, mesh) for mesh in (old, new))
         return old.sampling(new.z) @ (state.nu - known) + begin
 
 

@@ -35,20 +35,21 @@ def predicted(predict, problem, weights):
 
 
 def certified_network_map(predict, solve, problem, weights, tolerance, stages=nullcontext):
-    """The disk map of a problem by CP-Net and DBS-Net within `tolerance`: CertifiedMap. Parts run
-    in `stages(name)`."""
+    """The disk map of a problem by CP-Net and DBS-Net within `tolerance`, a bijection: CheckedMap.
+    Parts run in `stages(name)`. BijectivityError if the fit finds none."""
     with stages("predict"):
         mu = predicted(predict, problem, weights)
     with stages("solve"):
         f = solve(problem.disk.z, problem.disk.faces, mu)
     with stages("certify"):
-        network_map = unfolded(problem, mu, f)
+        network_map = exact_if_folded(problem, mu, f)
     with stages("refine"):
         return refined(problem, weights, mu, network_map, tolerance)
 
 
-def unfolded(problem, mu, f):
-    """`moved_map` of DBS-Net's f (V,), or where that folds `exact_map` of mu (F,): CertifiedMap."""
+def exact_if_folded(problem, mu, f):
+    """`moved_map` of DBS-Net's f (V,), or where that folds or is not finite `exact_map` of mu
+    (F,): CheckedMap, which may fold, too."""
     network_map = moved_map(problem, f) if np.isfinite(f).all() else None
     if network_map is not None and network_map.bijective:
         return network_map
@@ -67,7 +68,7 @@ def refined(problem, weights, mu, network_map, tolerance):
         return not_above_mobius(problem, weights, network_map)
     else:
         cause = f"landmark error {error:.1e} above {tolerance:.1e}"
-    fit = fit_with_fallbacks(problem, weights, start=mu, enough=MARGIN * tolerance)
+    fit = fit_with_fallbacks(problem, weights, mu, enough=MARGIN * tolerance)
     message = f"{cause}: {sum(fit.steps)} Gauss-Newton steps, to {fit.landmark_error:.1e}"
     switched = max(network_map.switched, fit.switched)
     fallbacks = (*network_map.fallbacks, message, *fit.fallbacks)

@@ -46,22 +46,23 @@ class SampledLandmarks:
     """The landmarks of a `SurfacePair`: ten per curve, equally spaced by arc length, ends included.
 
     problem: the `Problem` of the distinct ones; samples: sparse (10 K, V) and (10 K, W), moving and
-    control; mobius: (a, theta) of the best Möbius map, the one with the least `mean |M(p) - q|^2`
-    over all 10 K of them, the identity without curves; lines, held: name -> (moving, control) line
-    of a fitted or held-out curve in the disks; messages: on failed detection.
+    control; mobius_before: (a, theta) of the best Möbius map of all 10 K, with the least `mean
+    |M(p) - q|^2`, the identity without curves; a report's `_before` is after it (a fit begins at
+    `Problem.mobius`, of the distinct ones); lines, held: name -> (moving, control) line of a fitted
+    or held-out curve in the disks; messages: on failed detection.
     """
 
     problem: Problem
     samples: tuple
-    mobius: tuple
+    mobius_before: tuple
     lines: dict
     held: dict
     messages: list
 
     @cached_property
-    def mobius_map(self) -> Complex[ndarray, " V"]:
-        """The moving vertices after the best Möbius map."""
-        return mobius(self.problem.disk.z, *self.mobius)
+    def map_before(self) -> Complex[ndarray, " V"]:
+        """The moving vertices after `mobius_before`."""
+        return mobius(self.problem.disk.z, *self.mobius_before)
 
 
 def align_disks(pair):
@@ -80,7 +81,9 @@ def align_disks(pair):
 
 def align(moving, control, curves):
     """The moving `ParameterizedSurface` after the Möbius map that best carries the given points of
-    `Curve`s (ends or whole paths) to the control's."""
+    `Curve`s to the control's: of their ends, or of whole paths where both sides have these. It
+    changes the disk itself; the best Möbius maps of a `Problem` and of `SampledLandmarks` come
+    after it."""
     p, q = [], []
     for curve in curves:
         whole = min(len(curve.moving), len(curve.control)) > 2

@@ -35,13 +35,14 @@ class Weights:
     alpha: float = 1.0
     beta: float = 1e-2
     gamma: float = 1e3
+    # Landmarks alone; `register` with features has DELTA and ETA by default.
     delta: float = 0.0
     eta: float = 0.0
 
     def __post_init__(self):
         rule = "alpha and gamma must be positive and finite, beta not negative"
         rules = {
-            "delta": "must be finite and not negative (3 by default)",
+            "delta": f"must be finite and not negative ({DELTA:g} by default)",
             "eta": "must be finite and not negative (0: areas are left out)",
         }
         for name, value in vars(self).items():
@@ -87,8 +88,8 @@ class Problem:
 
     @cached_property
     def mobius(self):
-        """(a, theta) of the disk Möbius map that brings landmarks nearest to their targets; without
-        any, identity."""
+        """(a, theta) of the best Möbius map of these landmarks, the distinct ones of a pair, where
+        a fit begins; without any, identity."""
         return best_mobius(self.moving, self.target) if len(self.moving) else (0j, 0.0)
 
 

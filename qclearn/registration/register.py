@@ -16,7 +16,7 @@ from ..surfaces.units import other_units, relative_units
 from .curves import check_curves, held_apart
 from .diagnose import diagnose_landmarks
 from .features import FOLDS, check_features, featured
-from .fit import certified, fit_with_fallbacks
+from .fit import checked, fit_with_fallbacks
 from .networks import TOLERANCE, certified_network_map, gamma_messages, predicted
 from .pair import SurfacePair, align_disks, sample_landmarks
 from .problem import BY_DISKS, DELTA, ETA, LandmarkError, Weights
@@ -38,9 +38,10 @@ class Registration:
 
     points: the moving vertices on the control surface, in its unit of length; disk_map: the same in
     the control's disk; mu: measured coefficient of disk_moving -> disk_map; report: dict for JSON;
-    disk_moving, disk_control: the disk maps; curves: name -> (moving, control) curves in their
-    disks, (k,) complex each; uncertainty: the radius, mm, within which nine in ten vertices' true
-    points lie, if it was asked for.
+    disk_moving: the moving disk map, aligned to the control's by a Möbius map; disk_control: the
+    control's; curves: name -> (moving, control) curves in these disks, (k,) complex each;
+    uncertainty: the radius, mm, within which nine in ten vertices' true points lie, if it was asked
+    for.
     """
 
     points: Float[ndarray, " V 3"]
@@ -189,7 +190,7 @@ def register(
     # The map is fitted, or predicted by the networks, and certified.
     if stopped:
         with stages("map"):
-            fit = certified(landmarks.problem, pair.moving.disk.z, (0j, 0.0))
+            fit = checked(landmarks.problem, pair.moving.disk.z, (0j, 0.0))
     elif networks:
         fit = fit_by_networks(
             networks, pair.features, landmarks.problem, weights, tolerance, stages

@@ -103,19 +103,21 @@ def dice(pair, regions, *maps):
 def report_of(pair, landmarks, weights, fit, points, regions):
     """The report of a registration, a dict for JSON, without method and seconds.
 
-    landmarks: the pair's `SampledLandmarks`, whose best Möbius map is the `_before` of everything;
+    landmarks: the pair's `SampledLandmarks`, whose `mobius_before` is the `_before` of everything;
     points (V, 3): the moving vertices on the control; regions: of `check_annotations`.
     """
     moving = pair.moving.surface
     features = pair.features
     rows = error_rows(pair, landmarks, fit.f)
-    maps = landmarks.mobius_map, fit.f
+    maps = landmarks.map_before, fit.f
     held_out = held_out_distances(pair, landmarks.held, *maps)
     overlap = dice(pair, regions, *maps)
     messages = [*differing_walls(moving, pair.control.surface), *pair.messages, *landmarks.messages]
     r = {}
     if features:
-        before = features.correlation(landmarks.mobius_map).tolist()
+        # `fit.r` begins with r after the Möbius map of distinct landmarks; the report's `before` is
+        # after that of all.
+        before = features.correlation(landmarks.map_before).tolist()
         r = {name: [one, fit.r[name][1]] for name, one in zip(features.names, before)}
     return {
         **dict.fromkeys(ERRORS),  # null where no landmark was given
@@ -128,9 +130,11 @@ def report_of(pair, landmarks, weights, fit, points, regions):
         "degenerate": len(degenerate_faces(points, moving.faces)),
         "fallbacks": [*messages, *fit.fallbacks],
         **asdict(weights),
-        "features": dict(zip(features.names, features.shares.tolist())) if features else {},
+        "features": dict(zip(features.names, features.feature_weights.tolist()))
+        if features
+        else {},
         "r": r,
-        "start": fit.start if features else "",
+        "start": fit.start_message if features else "",
         "mobius": {"a": [fit.mobius[0].real, fit.mobius[0].imag], "theta": fit.mobius[1]},
         "curves": rows,
         "held_out_mm": held_out,
@@ -147,10 +151,10 @@ def report_of(pair, landmarks, weights, fit, points, regions):
 
 def feature_messages(pair, landmarks, f):
     """`features:` messages on an aligned pair and its fitted map f (V,), a list. Curves too few to
-    determine the best Möbius map make way for the features' own; enough of them know the place."""
+    determine `mobius_before` make way for the features' best; enough of them know the place."""
     if pair.features is None:
         return []
-    start = landmarks.mobius_map
+    start = landmarks.map_before
     few = len(pair.curves) < FEWEST
     if pair.curves and few:
         start = align_by_folds(pair).moving.disk.z
@@ -169,7 +173,7 @@ def error_rows(pair, landmarks, f):
     here, there = landmarks.samples
     mapped = here @ f
     q = there @ control.disk.z
-    before = abs(mobius(here @ moving.disk.z, *landmarks.mobius) - q)
+    before = abs(mobius(here @ moving.disk.z, *landmarks.mobius_before) - q)
     off_mm = np.linalg.norm(control.lift(mapped) - there @ control.surface.vertices, axis=1)
     off_mm /= size_of(control.surface)[2]
     rows = []

@@ -74,10 +74,10 @@ class Places:
 
 
 class FeatureTerm:
-    """`delta sum_c a_c sum_k w_k (I_c(x_k) - J_c(M f(x_k)))^2` over all moving vertices, at scale
+    """`delta sum_c a_c sum_k w_k (s_c(x_k) - t_c(M f(x_k)))^2` over all moving vertices, at scale
     sigma.
 
-    I, J: standardised features of both sides; a: their shares; w: the vertices' shares of the
+    s, t: standardised features of both sides; a: their weights; w: the vertices' shares of the
     moving area; a sum is 2 (1 - r) where features keep their variance. judges: `Features.judges`
     (None: all vertices); places: theirs, if they are not the mapped mesh's vertices.
     """
@@ -87,10 +87,10 @@ class FeatureTerm:
         some, areas = judges or (slice(None), features.areas)
         here, there = features.at(sigma)
         self.here, self.image = here[some], Image(features.disk, there)
-        self.scale = np.sqrt(delta * areas[:, None] * features.shares)
+        self.scale = np.sqrt(delta * areas[:, None] * features.feature_weights)
 
     def residual(self, f):
-        """`sqrt(delta a_c w_k) (I_c - J_c)`, (C V,), feature after feature, for a map f (N,)."""
+        """`sqrt(delta a_c w_k) (s_c - t_c)`, (C V,), feature after feature, for a map f (N,)."""
         return (self.scale * (self.here - self.image.at(self.places.at(f)))).T.ravel()
 
     def rows(self, f):

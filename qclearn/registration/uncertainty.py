@@ -21,7 +21,7 @@ from .features import FINEST, FOLDS
 from .fit import limited
 from .gauss_newton import MOBIUS_PRIOR, ProductStep
 from .metrics import quantile
-from .multiresolution import GUIDES, Level, MultiresolutionFit, start_field
+from .multiresolution import GUIDES, Level, MultiresolutionFit, Progress, start_field
 from .problem import LandmarkError
 
 RINGS = 16  # of the polar mesh of the posterior
@@ -57,7 +57,7 @@ class Laplace:
     """The posterior of a fit near its answer, dense on a polar mesh of few rings: covariance `G
     H^-1 G^T` of the map.
 
-    H = W + J^T J, W the prior and J the derivative of all residuals of the fit's own objective by
+    H = W + D^T D, W the prior and D the derivative of all residuals of the fit's own objective by
     nu and by the Möbius parameters, (K, K) with K = 2 N + 3; G (N, K) complex: the derivative of M
     f at the N nodes. mu (F,), mobius: the fit's.
     """
@@ -126,15 +126,15 @@ def uncertainty_of(pair, problem, weights, fit):
     places = control.disk.lookup(fit.f)
 
     # Millimetres on the control by one unit of its disk, where the map goes.
-    density = control.features.density(FINEST, control.disk)
+    density = control.smoothing.density(FINEST, control.disk)
     scale = np.exp(control.disk.interpolate(density, places) / 2)
     scale *= np.sqrt(control.surface.area / control.disk.areas.sum())
     scale /= size_of(control.surface)[2]
 
     # The local mismatch of the features.
     here, there = folded.features.at(FINEST)
-    off = (here - control.disk.interpolate(there, places)) ** 2 @ folded.features.shares
-    local, mean = np.maximum(blurred(moving.features, off), 1e-6), areas @ off
+    off = (here - control.disk.interpolate(there, places)) ** 2 @ folded.features.feature_weights
+    local, mean = np.maximum(blurred(moving.smoothing, off), 1e-6), areas @ off
 
     # The posterior's spread; its noise is the objective's own residual, where it has one.
     laplace = Laplace(problem, weights, fit.mu, fit.mobius, features)
@@ -146,7 +146,7 @@ def uncertainty_of(pair, problem, weights, fit):
     if by_fit:
         distance = abs(stiffer(problem, weights, features, fit) - fit.f) * scale
         logs += by_fit * np.log(distance + NEAR_MM)
-    radius = np.exp(blurred(moving.features, logs)) * (local / mean) ** by_local
+    radius = np.exp(blurred(moving.smoothing, logs)) * (local / mean) ** by_local
 
     # The node where one more landmark lowers the mean radius most.
     share = samples.T @ areas
@@ -176,12 +176,12 @@ def stiffer(problem, weights, features, fit):
     """
     levels = limited(GUIDES, problem.disk)
     weights = replace(weights, beta=STIFFER * weights.beta)
-    multiresolution, begun = MultiresolutionFit(problem), (None, None)
+    multiresolution, resumed = MultiresolutionFit(problem), None
     if not len(problem.moving):
         first = multiresolution.objective(levels[0], weights, features)
         nu = start_field(problem.disk, fit.mu, first.coefficient_mesh.mesh)
-        begun = first, first.at(nu, fit.mobius)
-    objective, state, _ = multiresolution.run(levels, weights, None, features, begun=begun)
+        resumed = Progress(first, first.at(nu, fit.mobius))
+    objective, state, _ = multiresolution.run(levels, weights, None, features, resumed=resumed)
     return objective.coefficient_mesh.disk.sampling(problem.disk.z) @ state.f
 
 

@@ -72,9 +72,9 @@ class FinishedRegistration:
             surface = Surface(self.arrays[f"vertices_{name}"], self.arrays[f"faces_{name}"])
         except SurfaceError as error:
             raise ReportError(f"{self.folder / FILES[0]}: the {name} surface: {error}") from None
-        features = Smoothing(surface, ["curvature"], mean_curvature(surface)[:, None])
+        smoothing = Smoothing(surface, ["curvature"], mean_curvature(surface)[:, None])
         return ParameterizedSurface(
-            surface, Disk(self.arrays[f"disk_{name}"], surface.faces), features
+            surface, Disk(self.arrays[f"disk_{name}"], surface.faces), smoothing
         )
 
     def names(self):
@@ -113,14 +113,14 @@ class FinishedRegistration:
         ratio = np.maximum(share_on_control / share, SMALLEST_RATIO)
         weighted_mu = surface.face_areas * abs(self.arrays["mu"])
         mu = around_vertices(weighted_mu, faces) / (3 * surface.vertex_areas)
-        curvature = self.moving.features.at(FINEST)[:, 0]
+        curvature = self.moving.smoothing.at(FINEST)[:, 0]
         # All maps live on the moving mesh: read them where the control's vertices lie.
         z = self.control.disk.z
         before = self.moving.disk.values_at(z, curvature[:, None])[:, 0]
         values = np.stack([curvature, mu, np.log2(ratio)], axis=1)
         registered = self.moving.disk.at(self.arrays["disk_map"])
         after, mu, log2_area = registered.values_at(z, values).T
-        return Maps(self.control.features.at(FINEST)[:, 0], before, after, mu, log2_area)
+        return Maps(self.control.smoothing.at(FINEST)[:, 0], before, after, mu, log2_area)
 
 
 def read_finished(folder):

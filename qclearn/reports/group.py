@@ -117,7 +117,7 @@ def group_page(subjects, first, view, means, csv_name):
         (curvature_scale("curvature, control"), control),
         (SPREAD, spread),
     ]
-    areas = first.control.features.areas
+    areas = first.control.smoothing.areas
     return render(
         "group.html",
         subjects=subjects,

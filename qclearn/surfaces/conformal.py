@@ -121,14 +121,14 @@ def angle_distortion(surface: Surface, z: Complex[ndarray, " V"]) -> Float[ndarr
 class ParameterizedSurface:
     """A surface on its disk, the `Disk` of its faces with the boundary on the unit circle.
 
-    features: its maps at every scale, a `Smoothing`, or None; messages: what was repaired in its
-    map; sphere: what methods on spheres need, a `Sphere`, or None; fingers (k,): vertices of blind
-    tubes, where the map is not conformal and nothing is compared.
+    smoothing: its features at every scale, a `Smoothing`, or None; messages: what was repaired in
+    its map; sphere: what methods on spheres need, a `Sphere`, or None; fingers (k,): vertices of
+    blind tubes, where the map is not conformal and nothing is compared.
     """
 
     surface: Surface
     disk: Disk
-    features: object = None
+    smoothing: object = None
     messages: tuple = ()
     sphere: object = None
     fingers: object = ()
@@ -140,13 +140,20 @@ class ParameterizedSurface:
         return bool(np.angle(np.roll(rim, -1) / rim).min() > 0 and not len(self.disk.flipped))
 
     @cached_property
-    def shares(self):
-        """Shares in the area of the vertices (V,) and of the faces (F,), 0 at fingers."""
-        vertices, faces = self.surface.vertex_areas.copy(), self.surface.face_areas.copy()
+    def vertex_shares(self):
+        """The vertices' shares of the surface's area (V,), 0 at fingers."""
+        areas = self.surface.vertex_areas.copy()
         if len(self.fingers):
-            vertices[self.fingers] = 0
-            faces[np.isin(self.surface.faces, self.fingers).any(1)] = 0
-        return vertices / vertices.sum(), faces / faces.sum()
+            areas[self.fingers] = 0
+        return areas / areas.sum()
+
+    @cached_property
+    def face_shares(self):
+        """The faces' shares of the surface's area (F,), 0 at fingers."""
+        areas = self.surface.face_areas.copy()
+        if len(self.fingers):
+            areas[np.isin(self.surface.faces, self.fingers).any(1)] = 0
+        return areas / areas.sum()
 
     def lift(self, points):
         """Points (P, 3) on the surface whose images in the disk are `points` (P,) complex."""

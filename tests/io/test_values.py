@@ -331,7 +331,7 @@ def test_a_name_and_a_count_say_which_numbers_are_others(tmp_path, carry, capsys
         (np.zeros((3, 30)), "3 values .*transpose"),
     ):
         with pytest.raises(SurfaceError, match=f"v.npy: {words}"):
-            Numbering(28, np.r_[0:10, 12:30], 30).on_disk(values, "v.npy")
+            Numbering(28, np.r_[0:10, 12:30], 30).on_cut_surface(values, "v.npy")
     np.save(tmp_path / "v.npy", np.zeros(29))
     with pytest.raises(SystemExit):
         carry("v.npy")

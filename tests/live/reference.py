@@ -77,9 +77,6 @@ class WholeSteps(GaussNewtonObjective):
     def linearise(self, state, gamma):
         return DirectStep(self, state, gamma)
 
-    def jacobian(self, state, gamma):
-        return self.landmarks.jacobian(*self.exact_gradients(state), gamma)
-
 
 def fit_in_steps(asked, on_coarse, on_fine):
     """(objective, state) of so many of the library's Gauss-Newton steps on either mesh for a
@@ -91,11 +88,11 @@ def fit_in_steps(asked, on_coarse, on_fine):
     points = numbers(asked["moving"]), numbers(asked["target"])
     problem = Problem(FINE_MESH, *points, np.array(asked["curve"]), asked["sliding"])
     weights = Weights(asked["alpha"], asked["beta"], asked["gamma"])
-    coarse = GaussNewtonObjective(Discretization(problem, polar_mesh(12), own=False), weights)
+    coarse = GaussNewtonObjective(Discretization(problem, polar_mesh(12), on_nu_mesh=True), weights)
     state, gamma = (coarse.at(np.zeros(len(COARSE_MESH.z), complex), problem.mobius), weights.gamma / 10)
     levels = 10.0 ** np.arange(np.log10(min(FIRST_GAMMA, gamma)), np.log10(gamma) - 1e-9)
     state = steps(coarse, state, [*levels, *[gamma] * (on_coarse - len(levels))])
-    fine = WholeSteps(Discretization(problem, CoefficientMesh(FINE_MESH, FINE_MESH), own=True), weights)
+    fine = WholeSteps(Discretization(problem, CoefficientMesh(FINE_MESH, FINE_MESH), on_nu_mesh=False), weights)
     nu = COARSE_MESH.sampling(FINE_MESH.z) @ state.nu
     return fine, steps(fine, fine.at(nu, state.mobius), [weights.gamma] * on_fine)
 

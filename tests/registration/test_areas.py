@@ -66,7 +66,7 @@ def test_the_areal_scale_of_a_known_map_is_found(level, tolerance):
     f = TWIST(mesh.z)  # which keeps the area of the plane
     expected = growth_of(f)[mesh.faces].mean(1)
     inner = abs(mesh.centroids) < 0.9
-    off = objective.areas.log_areal(f) - expected
+    off = objective.area_term.log_areal(f) - expected
     assert np.sqrt((off[inner] ** 2).mean()) < tolerance and abs(off[inner]).max() < 3 * tolerance
     assert np.ptp(expected[inner]) > 0.8
 
@@ -77,7 +77,7 @@ def test_a_mobius_map_of_the_moving_disk_changes_no_area_of_the_surfaces():
     sides = sides_of(side, grown(CONTROL), [(folds(MOVING.z)[0], folds(CONTROL.z)[0])])
     found = []
     for moving, f in ((sides.moving, MOVING.z), (replace(sides.moving, disk=moved.disk), MOVING.z)):
-        found.append(objective_of(problem_of(replace(sides, moving=moving)), OWN).areas.log_areal(f))
+        found.append(objective_of(problem_of(replace(sides, moving=moving)), OWN).area_term.log_areal(f))
     off = found[0] - found[1]  # the log of a mean around a vertex, the mean of logs
     assert np.sqrt((off**2).mean()) < 0.01 and np.sqrt((found[0] ** 2).mean()) < 0.02
 
@@ -92,10 +92,10 @@ def test_the_derivative_of_areas_equals_central_differences(level):
     for _ in range(3):
         a, b, c = rng.normal(size=3) + 1j * rng.normal(size=3)
         change = 0.1 * (1 - abs(f) ** 2) * (a + b * f + c * f.conj() ** 2)
-        expected = (objective.areas.residual(f + step * change) - objective.areas.residual(f - step * change)) / (
-            2 * step
-        )
-        found = (objective.areas.rows(f).conj() @ change).real
+        expected = (
+            objective.area_term.residual(f + step * change) - objective.area_term.residual(f - step * change)
+        ) / (2 * step)
+        found = (objective.area_term.rows(f).conj() @ change).real
         assert np.linalg.norm(found - expected) < 5e-3 * np.linalg.norm(expected)
 
 
@@ -116,9 +116,9 @@ def test_a_face_that_folds_costs_much_and_not_infinitely():
     objective = objective_of(problem_of(sides_of(flat(MOVING), flat(CONTROL))), OWN)
     f = MOVING.z.copy()
     f[np.argmin(abs(f))] += 0.2
-    residual, rows = objective.areas.residual(f), objective.areas.rows(f)
+    residual, rows = objective.area_term.residual(f), objective.area_term.rows(f)
     assert np.isfinite(residual).all() and np.isfinite(rows.data).all()
-    assert abs(objective.areas.log_areal(f)).max() == pytest.approx(-np.log(objective.areas.FLOOR), rel=0.1)
+    assert abs(objective.area_term.log_areal(f)).max() == pytest.approx(-np.log(objective.area_term.FLOOR), rel=0.1)
 
 
 @pytest.fixture(scope="module")
@@ -193,9 +193,9 @@ def test_fits_from_spoilt_starts_end_where_the_good_one_does(spoilt):
 
 def test_the_start_is_told_in_words(spoilt):
     good, *_, last = spoilt
-    assert re.match(r"by crude spheres, 0\.\d+ in the disk from the best Möbius map of features", good.start)
-    assert re.match(r"by spheres \(objective \S+\), not by features \(objective \S+\)", last.start)
-    taken, left = map(float, re.findall(r"objective ([\d.]+)", last.start))
+    assert re.match(r"by crude spheres, 0\.\d+ in the disk from the best Möbius map of features", good.start_message)
+    assert re.match(r"by spheres \(objective \S+\), not by features \(objective \S+\)", last.start_message)
+    taken, left = map(float, re.findall(r"objective ([\d.]+)", last.start_message))
     assert taken < left
 
 
@@ -206,7 +206,7 @@ def test_places_that_mislead_do_no_harm():
     turned = replace(side, surface=Surface(side.surface.vertices * [-1, -1, 1], MOVING.faces))
     sides = sides_of(turned, tall(CONTROL), MAPS)
     fit = fit_registration(problem_of(sides), WEIGHTS, sides.features)
-    assert fit.start.startswith("by features (objective") and abs(fit.f - TWIST(MOVING.z)).mean() < 0.02
+    assert fit.start_message.startswith("by features (objective") and abs(fit.f - TWIST(MOVING.z)).mean() < 0.02
 
 
 @pytest.mark.parametrize(

@@ -86,7 +86,7 @@ def test_the_mismatch_is_twice_one_less_the_correlation():
 
 def test_few_vertices_of_a_large_surface_judge_as_all_do(monkeypatch):
     """Of scales above the finest alone."""
-    monkeypatch.setattr("qclearn.registration.features.COARSE", 600)
+    monkeypatch.setattr("qclearn.registration.features.COARSE_VERTICES", 600)
     every = features()
     whole = (FeatureTerm(every, 30.0, 1.0).residual(0.9 * Z) ** 2).sum()
     monkeypatch.setattr("qclearn.registration.features.LARGE", len(Z) - 1)

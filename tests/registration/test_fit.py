@@ -75,7 +75,7 @@ def test_the_prior_is_the_mean_of_mu_and_of_its_gradient():
     a, b, alpha, beta = 0.3 - 0.2j, 0.1 + 0.4j, 0.7, 0.05
     mesh = Disk(z, faces)
     newton = GaussNewtonObjective(
-        Discretization(Problem(MESH, z[:3], z[:3]), CoefficientMesh(mesh, mesh), own=False), Weights(alpha, beta)
+        Discretization(Problem(MESH, z[:3], z[:3]), CoefficientMesh(mesh, mesh), on_nu_mesh=True), Weights(alpha, beta)
     )
     size = abs(a) ** 2 + abs(b) ** 2
     assert newton.prior(a * z + b * z.conj()) == pytest.approx(alpha * size / 2 + beta * 2 * size, rel=2e-3)
@@ -107,7 +107,9 @@ def small_newton(sliding, seed=3):
     labels = np.repeat([0, 1], 4)
     moving, target = (0.6 * np.exp(2j * np.pi * rng.uniform(size=8)) * rng.uniform(0.3, 1, 8) for _ in range(2))
     problem = Problem(MESH, moving, target, labels, sliding)
-    newton = GaussNewtonObjective(Discretization(problem, CoefficientMesh(mesh, mesh), own=False), Weights(1.0, 0.02))
+    newton = GaussNewtonObjective(
+        Discretization(problem, CoefficientMesh(mesh, mesh), on_nu_mesh=True), Weights(1.0, 0.02)
+    )
     return newton, 0.3 * complex_normal(rng, len(mesh.z)), rng
 
 
@@ -191,7 +193,8 @@ def test_steps_without_a_jacobian_end_where_exact_ones_do_and_cost_few_solves(se
 def small_objective(p, q):
     """The fit of landmarks on their own mesh, with nu on a polar one."""
     return GaussNewtonObjective(
-        Discretization(Problem(MESH, p, q), CoefficientMesh(MESH, Disk(*polar_disk(8, 24))), own=True), Weights()
+        Discretization(Problem(MESH, p, q), CoefficientMesh(MESH, Disk(*polar_disk(8, 24))), on_nu_mesh=False),
+        Weights(),
     )
 
 

@@ -14,7 +14,7 @@ from qclearn.plane.mobius import compose_mobius, mobius, mobius_inverse
 from qclearn.plane.tangent import CoefficientMesh
 from qclearn.registration import gauss_newton
 from qclearn.registration.features import Feature, featured, mobius_by_features
-from qclearn.registration.fit import fit_problem, fit_registration, instead
+from qclearn.registration.fit import fit_problem, fit_registration, mobius_instead
 from qclearn.registration.gauss_newton import Discretization, GaussNewtonObjective
 from qclearn.registration.multiresolution import (
     LARGE_LEVELS,
@@ -68,7 +68,7 @@ def equations():
     rng = np.random.default_rng(1)
     mesh = Disk(*polar_disk(5, 15))
     moving, target = 0.7 * np.exp(1j * np.arange(4)), 0.6 * np.exp(1j * np.arange(4) + 0.2j)
-    discretization = Discretization(Problem(MOVING, moving, target), CoefficientMesh(mesh, mesh), own=False)
+    discretization = Discretization(Problem(MOVING, moving, target), CoefficientMesh(mesh, mesh), on_nu_mesh=True)
     features = FeatureTerm(features_of(TWIST), 16.0, 0.5, Places(CONTROL, mesh.sampling(MOVING.z)))
     objective = GaussNewtonObjective(discretization, Weights(1.0, 0.02, 1e2, 0.5), features)
     nu = 0.2 * (rng.normal(size=len(mesh.z)) + 1j * rng.normal(size=len(mesh.z)))
@@ -84,7 +84,7 @@ def test_the_derivative_of_all_residuals_equals_differences(equations):
     def residual(x):
         moved = compose_mobius(state.mobius, (complex(x[-2], x[-1]), x[-3]))
         at = objective.at(state.nu + x[:-3].view(complex), moved)
-        return np.concatenate([objective.landmarks.residual(at.points, 1e2), objective.features.residual(at.f)])
+        return np.concatenate([objective.landmarks.residual(at.points, 1e2), objective.feature_term.residual(at.f)])
 
     for _ in range(3):
         x = rng.normal(size=2 * len(state.nu) + 3)
@@ -167,7 +167,7 @@ def test_coarse_features_guide_with_less_weight_and_the_whole_is_asked_for_at_la
     for level in LEVELS:
         objective = multiresolution.objective(level, asked, features)
         assert objective.weights.gamma == (1e5 if level.own_mesh else 1e2)
-        delta = (objective.features.scale**2).sum()
+        delta = (objective.feature_term.scale**2).sum()
         assert delta == pytest.approx(0.3 if level.sigma >= 16 else 1.0)
     small = multiresolution.objective(LEVELS[0], Weights(gamma=10.0, delta=0.1), features)
     assert small.weights.gamma == 10 and (small.features.scale**2).sum() == pytest.approx(0.1)
@@ -273,7 +273,7 @@ def test_an_objective_that_is_no_number_is_not_below(monkeypatch):
 @pytest.mark.parametrize("plain, fitted, words", [(1, 1, "that"), (0, 0, "that"), (1, 0, "that"), (0, 1, "kept")])
 def test_a_mobius_map_that_alone_folds_the_mesh_is_not_returned(twisted, plain, fitted, words):
     mobius_map, fit = (replace(twisted, bijective=bool(plain)), replace(twisted, bijective=bool(fitted)))
-    found = instead(fit, mobius_map)
+    found = mobius_instead(fit, mobius_map)
     assert found.bijective == bool(plain or fitted)
     assert found.fallbacks[-1].startswith(f"the fit ended above the best Möbius map: {words}")
 

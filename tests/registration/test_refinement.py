@@ -51,7 +51,8 @@ def test_the_first_step_is_that_of_the_fit(spectrum):
     q = mobius(q, *best_mobius(q, p))
     coefficient_mesh = CoefficientMesh(spectrum.mesh, spectrum.mesh)
     newton = GaussNewtonObjective(
-        Discretization(Problem(Disk(*polar_disk(12, 36, 1.4)), p, q), coefficient_mesh, own=False), Weights(1.0, 0.1)
+        Discretization(Problem(Disk(*polar_disk(12, 36, 1.4)), p, q), coefficient_mesh, on_nu_mesh=True),
+        Weights(1.0, 0.1),
     )
     change, *_ = newton.linearise(newton.at(np.zeros(len(spectrum.mesh.z), complex), (0j, 0.0)), 1e3).propose()
     nu, wanted, left = CoefficientRefinement(coefficient_mesh, spectrum, (p, q), 0.1, 1e3).born()

@@ -423,7 +423,7 @@ def test_the_steps_begin_at_the_networks_coefficient(networks, pair, monkeypatch
     monkeypatch.setattr("qclearn.registration.fit.fit_problem", fit)
     networks(predict=lambda *_, **__: prediction)
     assert by_networks(pair, tolerance=2e-3).report["landmark_error"] <= 2e-3
-    assert seen[0]["start"] is prediction and seen[0]["enough"] == pytest.approx(1.8e-3)
+    assert seen[0]["start_mu"] is prediction and seen[0]["enough"] == pytest.approx(1.8e-3)
 
 
 def test_a_map_that_stays_folded_is_fitted_anew_and_gamma_lowered(networks, pair, monkeypatch, folding_above):

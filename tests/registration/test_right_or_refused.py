@@ -182,7 +182,9 @@ def test_a_damped_step_is_shorter_and_turns_to_the_steepest_descent():
 def test_damped_steps_without_a_jacobian_are_shorter():
     disk = Disk(*COARSE)
     problem = Problem(disk, 0.5 * TURN, 0.45 * TURN * np.exp(0.2j * TURN.real))
-    objective = GaussNewtonObjective(Discretization(problem, CoefficientMesh(disk, polar(4)), own=True), Weights())
+    objective = GaussNewtonObjective(
+        Discretization(problem, CoefficientMesh(disk, polar(4)), on_nu_mesh=False), Weights()
+    )
     step = objective.linearise(
         objective.at(np.full(len(objective.coefficient_mesh.mesh.z), 0.1 + 0.2j), (0.1j, 0.2)), 50.0
     )

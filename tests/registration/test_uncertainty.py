@@ -212,6 +212,6 @@ def test_the_advised_vertex_is_told_in_the_numbers_of_the_surface_as_given(whole
         uncertainty=np.ones(1), report={"suspect": [], "uncertainty": {"next": {"vertex": 5_000, "mean_mm": 1.0}}}
     )
     told = registration.full_report(result, pair, {"curves": []}, "")["uncertainty"]["next"]["vertex"]
-    surface = side.given if whole else side.disk
-    np.testing.assert_allclose(surface.vertices[told], side.disk.vertices[5_000])
+    surface = side.given if whole else side.cut_surface
+    np.testing.assert_allclose(surface.vertices[told], side.cut_surface.vertices[5_000])
     assert result.report["uncertainty"]["next"]["vertex"] == 5_000

@@ -70,7 +70,7 @@ def test_a_finger_moves_nothing_else(radii, plain):
         assert message.startswith("a finger of") and 0.7 * radii * RADIUS < length < radii * RADIUS + 1
         tip = side.surface.vertices[AT]
         assert np.linalg.norm(side.surface.vertices[side.fingers].mean(0) - tip) < 0.7 * radii * RADIUS
-        assert AT in side.fingers and not side.shares[0][side.fingers].any()
+        assert AT in side.fingers and not side.vertex_shares[side.fingers].any()
 
 
 def test_the_map_would_fold_with_the_usual_weights(monkeypatch):

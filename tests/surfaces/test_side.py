@@ -27,7 +27,7 @@ def side():
 
 def test_a_surface_is_laid_out_in_its_conformal_map(side):
     np.testing.assert_array_equal(side.disk.z, disk_conformal_map(side.surface))
-    assert side.whole and side.disk.certificate.bijective and side.features is None and side.messages == ()
+    assert side.whole and side.disk.certificate.bijective and side.smoothing is None and side.messages == ()
     np.testing.assert_array_equal(side.disk.loop, side.surface.boundary)
 
 

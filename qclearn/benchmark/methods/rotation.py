@@ -37,7 +37,7 @@ def rotation(problem):
         angles = np.stack(np.meshgrid(axis, axis, axis), -1).reshape(-1, 3)
         tries = Rotation.from_euler("xyz", angles, degrees=True) * best
         nearest = [tree.query(one.apply(points))[1] for one in tries]
-        shares = sides.features.shares
-        fits = [areas @ ((here[judges] * there[near]) @ shares) for near in nearest]
+        weights = sides.features.feature_weights
+        fits = [areas @ ((here[judges] * there[near]) @ weights) for near in nearest]
         best = tries[int(np.argmax(fits))]
     return best.apply(moving.points)

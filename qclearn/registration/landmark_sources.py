@@ -1,5 +1,5 @@
-"""Landmark curves of a surface from labels, points and fsaverage5: vertices put in order, curves
-carried over."""
+"""Where the curves of `qclearn landmarks` come from: a label's vertices or a table's points, put in
+order, and fsaverage5's curves, carried over."""
 
 from itertools import pairwise
 from typing import NamedTuple

@@ -7,9 +7,9 @@ import pytest
 
 from known_surfaces import sheet
 from qclearn.io.fsaverage import demo_landmarks, fsaverage5
-from qclearn.registration import tracing
+from qclearn.registration import landmark_sources
+from qclearn.registration.landmark_sources import ordered, threaded
 from qclearn.registration.problem import LandmarkError
-from qclearn.registration.tracing import ordered, threaded
 
 N = 31
 
@@ -74,14 +74,14 @@ def test_the_hemisphere_that_agrees_better_is_carried_and_refused_where_it_is_su
         r = 0.8 if np.array_equal(moving.vertices, fsaverage5("right").vertices) else 0.5
         return SimpleNamespace(report={"r": {"depth": [0.3, r]}, "suspect": [f"features: {r}"]})
 
-    monkeypatch.setattr(tracing, "register", run)
+    monkeypatch.setattr(landmark_sources, "register", run)
     for given, told in ((None, "right hemisphere does not fit: features: 0.8"), ("left", "left .* features: 0.5")):
         with pytest.raises(LandmarkError, match=told):
-            tracing.carried(flat, given)
+            landmark_sources.carried(flat, given)
 
 
 def test_fsaverage5s_own_curves_are_those_of_the_demo():
-    ends, off, hemisphere = tracing.carried(fsaverage5("right"))
+    ends, off, hemisphere = landmark_sources.carried(fsaverage5("right"))
     assert {name: list(pair) for name, pair in ends.items()} == {
         curve["name"]: curve["moving"] for curve in demo_landmarks()["curves"]
     }
