@@ -148,12 +148,6 @@ def test_zero_and_one_are_held_and_the_circle_is_kept(mesh, largest):
     np.testing.assert_allclose(abs(f[boundary_loop(faces)]), 1, rtol=1e-15)
 
 
-def test_zero_and_one_as_vertices():
-    for z, faces in (square_disk(12), polar_disk(6, 18)):
-        f = solve_beltrami_disk(z, faces, random_mu(np.random.default_rng(1), z, faces, 0.6))
-        assert abs(f[z == 0][0]) < 1e-15 and abs(f[z == 1][0] - 1) < 1e-15
-
-
 def test_no_coefficient_gives_the_identity(mesh):
     z, faces = mesh
     assert abs(solve_beltrami_disk(z, faces, np.zeros(len(faces))) - z).max() < 6e-4
@@ -316,21 +310,6 @@ def test_gradcheck():
 # Bad input.
 
 
-@pytest.mark.parametrize("value", [1.0, -1.5j, np.nan, np.inf])
-def test_unusable_coefficient(value):
-    z, faces = MESHES["random"]
-    mu = np.zeros(len(faces), complex)
-    mu[11] = value
-    with pytest.raises(BeltramiError, match=r"first: \[11\]"):
-        solve_beltrami_disk(z, faces, mu)
-
-
-def test_one_coefficient_a_face():
-    z, faces = MESHES["random"]
-    with pytest.raises(BeltramiError, match="one value a face"):
-        solve_beltrami_disk(z, faces, np.zeros(len(z)))
-
-
 def test_boundary_off_the_circle():
     z, faces = polar_disk(4, 12)
     z[-3] *= 0.99
@@ -341,17 +320,6 @@ def test_boundary_off_the_circle():
 def test_mesh_without_interior_vertex():
     with pytest.raises(SurfaceError, match="no interior vertex"):
         BeltramiDiskSolver(np.exp(2j * np.pi * np.arange(3) / 3), np.array([[0, 1, 2]]))
-
-
-@pytest.mark.parametrize(
-    "spoil",
-    [lambda z, faces: (z.conj(), faces), lambda z, faces: (np.where(z == 0, np.nan, z), faces)],
-    ids=["clockwise", "NaN"],
-)
-def test_unusable_source(spoil):
-    z, faces = spoil(*polar_disk(4, 12))
-    with pytest.raises(BeltramiError, match="not counter-clockwise|z is not finite at vertices"):
-        solve_beltrami_disk(z, faces, np.zeros(len(faces)))
 
 
 def test_a_vertex_in_no_face():
