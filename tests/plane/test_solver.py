@@ -3,7 +3,6 @@ symmetries."""
 
 import numpy as np
 import pytest
-import torch
 from scipy import sparse
 
 from exactmaps import DISK_MAPS, SLIDING, SLIDING_THREE, TWIST, after, assert_accuracy, errors, moebius, normalised
@@ -286,25 +285,6 @@ def test_pushforward_of_many_changes_keeps_zero_one_and_the_circle():
     np.testing.assert_allclose(many, [solver.pushforward(change) for change in changes], rtol=1e-10, atol=1e-13)
     assert abs(many[:, z == 0]).max() < 1e-12 and abs(many[:, z == 1]).max() < 1e-12
     assert abs((many * f.conj())[:, -18:].real).max() < 1e-12
-
-
-class DiskMap(torch.autograd.Function):
-    """mu -> f, as a network's loss sees it: torch's gradient convention must be the solver's."""
-
-    @staticmethod
-    def forward(ctx, mu, z, faces):
-        ctx.solver = BeltramiDiskSolver(z, faces)
-        return torch.from_numpy(ctx.solver.solve(mu.detach().numpy()))
-
-    @staticmethod
-    def backward(ctx, grad_f):
-        return torch.from_numpy(ctx.solver.pullback(grad_f.numpy())), None, None
-
-
-def test_gradcheck():
-    z, faces = moved_disk(2, 5, 0.2 + 0.1j)
-    mu = torch.from_numpy(random_mu(np.random.default_rng(0), z, faces, 0.5)).requires_grad_()
-    assert torch.autograd.gradcheck(lambda mu: DiskMap.apply(mu, z, faces), (mu,), eps=1e-6, atol=1e-8, rtol=1e-6)
 
 
 # Bad input.
