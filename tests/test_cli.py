@@ -376,25 +376,13 @@ def test_the_network_method_and_its_tolerance_reach_the_pipeline(folder, monkeyp
         assert re.search(f"fallbacks +{words}", capsys.readouterr().out)
 
 
-def test_the_network_method_without_torch_is_one_line(folder, monkeypatch, capsys):
-    for name in [name for name in sys.modules if name.startswith(("qclearn.nets", "torch.", "safetensors"))]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, "torch", None)
-    line = refused(capsys, folder, *to_register(folder), "--method", "network")
-    assert re.search(r"torch, which is not installed: pip install 'qclearn\[nets\]'", line)
-
-
-def test_without_landmarks_the_curves_that_both_surfaces_carry_are_used(folder):
-    run(*to_register(folder), "--gamma", 1e3)
-    report = json.loads((folder / "out" / "report.json").read_text())
-    assert [row["name"] for row in report["curves"]] == ["east", "north"]
-
-
 def test_a_second_run_replaces_the_files_of_the_first(folder):
+    """Both by the curves that the surfaces carry, as no landmarks are given."""
     for gamma in (10, 1000):
         run(*to_register(folder), "--gamma", gamma)
-    assert everything(folder / "out") == FILES
-    assert json.loads((folder / "out" / "report.json").read_text())["gamma"] == 1000
+    report = json.loads((folder / "out" / "report.json").read_text())
+    assert everything(folder / "out") == FILES and report["gamma"] == 1000
+    assert [row["name"] for row in report["curves"]] == ["east", "north"]
 
 
 @pytest.mark.parametrize(
@@ -402,12 +390,8 @@ def test_a_second_run_replaces_the_files_of_the_first(folder):
     [
         ([], "Missing command"),
         (["demonstrate"], "No such command 'demonstrate'"),
-        (["register"], "Missing argument 'MOVING'"),
-        (["register", "a.npz"], "Missing argument 'CONTROL'"),
         (["register", "a.npz", "b.npz"], "Missing option '--out'"),
         (["register", "a.npz", "b.npz", "--out", "x", "--gamma", "many"], "'many' is not a valid float"),
-        (["register", "a.npz", "b.npz", "--out", "x", "--method", "magic"], "'magic' is not"),
-        (["register", "a.npz", "b.npz", "--out", "x", "--epsilon", "1"], "No such option"),
         (
             ["register", "moving.npz", "control.npz", "--out", "x", "--tolerance", "1e-3"],
             "tolerance belongs to method 'network'",
@@ -417,8 +401,7 @@ def test_a_second_run_replaces_the_files_of_the_first(folder):
             "sliding belongs to",
         ),
         (["register", "a.npz", "b.npz", "--out", "x"], "a.npz: cannot be read"),
-        (["open", "a.gii", "--out", "x.npz"], "one of --mask FILE and --label FILE"),
-        (["open", "a.gii", "--mask", "m", "--label", "l", "--out", "x.npz"], "one of --mask FILE and --label FILE"),
+        (["open", "a.gii", "--out", "x.npz"], "Missing option '--mask'"),
         (["transfer", "r.npz", "v.npy", "--out", "x.npy"], "Missing option '--to'"),
         (["transfer", "r.npz", "v.npy", "--to", "moving", "--out", "x.npy"], "r.npz: cannot be read .*check the name"),
     ],
@@ -428,14 +411,8 @@ def test_wrong_usage_is_one_line(arguments, message, folder, capsys, monkeypatch
     assert re.search(message, refused(capsys, folder, *arguments))
 
 
-def test_help_and_version_are_no_errors(capsys):
-    for option in ("--help", "--version"):
-        run(option)
-    assert "register" in capsys.readouterr().out
-
-
 def bad_landmarks(**changes):
-    return {"curves": [CURVES["curves"][0] | changes]}
+    return json.dumps({"curves": [CURVES["curves"][0] | changes]})
 
 
 @pytest.mark.parametrize(
@@ -443,8 +420,7 @@ def bad_landmarks(**changes):
     [
         ("{", "landmarks.json: not a JSON file"),
         (b"\xff\xfe\x00", "landmarks.json: not a JSON file"),
-        ({"Curves": []}, "one key 'curves'"),
-        ({"curves": []}, "no curves"),
+        (None, "landmarks.json: cannot be read .*check the name"),
         (
             '{"curves": [{"name": "a", "moving": [1, ' + "9" * 5000 + '], "control": [1, 2]}]}',
             "landmarks.json: not a JSON file",
@@ -457,20 +433,13 @@ def bad_landmarks(**changes):
             bad_landmarks(name="\x1b]0;x\x07"),
             r"landmarks.json: the name of curve 0 .*control characters: '\\x1b]0;x\\x07'",
         ),
-        (bad_landmarks(colour="red"), "curve 0 has .*'colour'"),
-        (bad_landmarks(moving=[5]), "curve 'east', moving side: .*at least two vertex indices"),
         (bad_landmarks(control=[0, 10_000]), r"'east', control side: .*out of range 0..192: \[10000\]"),
-        ({"curves": CURVES["curves"][:1] * 2}, "names used twice"),
     ],
 )
 def test_bad_landmarks_files_are_one_line(content, message, folder, capsys):
-    text = (
-        content
-        if isinstance(content, bytes)
-        else (content if isinstance(content, str) else json.dumps(content)).encode()
-    )
-    (folder / "landmarks.json").write_bytes(text)
-    line = refused(capsys, folder, *to_register(folder, "--landmarks", folder / "landmarks.json", out="deep/out"))
+    file = folder / "landmarks.json"
+    file.unlink() if content is None else file.write_bytes(content if isinstance(content, bytes) else content.encode())
+    line = refused(capsys, folder, *to_register(folder, "--landmarks", file, out="deep/out"))
     assert re.search(message, line)
 
 
@@ -500,19 +469,6 @@ def test_surfaces_without_shared_curves_need_landmarks_or_features(folder, capsy
     assert "share no curve names" in line and "--landmarks" in line
 
 
-def test_landmarks_that_are_missing_are_one_line(folder, capsys):
-    line = refused(capsys, folder, *to_register(folder, "--landmarks", folder / "no.json"))
-    assert re.search("no.json: cannot be read .*check the name", line)
-
-
-@pytest.mark.parametrize(
-    "weights, name", [(["--alpha", "0"], "alpha"), (["--beta", "-1"], "beta"), (["--gamma", "nan"], "gamma")]
-)
-def test_bad_weights_are_one_line(weights, name, folder, capsys):
-    line = refused(capsys, folder, *to_register(folder), *weights)
-    assert f"{name} = " in line
-
-
 @pytest.mark.parametrize("out", ["plain.ply", "plain.ply/below", "plain.ply/far/below"])
 def test_a_file_where_the_folder_should_be_is_one_line(out, folder, capsys):
     line = refused(capsys, folder, *to_register(folder, out=out))
@@ -539,6 +495,21 @@ def test_a_failure_at_the_end_leaves_nothing(folder, capsys, monkeypatch):
     monkeypatch.setattr("qclearn.cli.registration.qc.write_surface", fail)
     line = refused(capsys, folder, *to_register(folder, out="deep/out"), "--gamma", 100)
     assert "the disk is full" in line
+
+
+@pytest.mark.parametrize(
+    "error, message",
+    [
+        (MemoryError(), "not enough memory"),
+        (OSError(28, "No space left on device"), "out: the disk is full .*MB are free; make room"),
+    ],
+)
+def test_what_breaks_off_a_run_is_one_line(folder, capsys, monkeypatch, error, message):
+    def broken(*_, **__):
+        raise error
+
+    monkeypatch.setattr("qclearn.cli.registration.run_registration", broken)
+    assert re.search(message, refused(capsys, folder, *to_register(folder)))
 
 
 def test_an_interrupt_says_so(folder, capsys, monkeypatch):
@@ -594,13 +565,6 @@ def test_transfer_writes_every_format(registered, name):
     np.testing.assert_allclose(read_values(folder / name), result.points[:, 2], atol=1e-6)
     run(*to_transfer(folder, "registration.npz", name, "control", "back.npy"))
     assert abs(np.load(folder / "back.npy") - bowl(0.9).vertices[:, 2]).max() < 0.05
-
-
-def test_transfer_of_labels_makes_no_new_labels(registered):
-    folder, _ = registered
-    run(*to_transfer(folder, "registration.npz", "labels.npy", "moving", "there.npy", "--nearest"))
-    there = np.load(folder / "there.npy")
-    assert set(there.tolist()) == set(range(5)) and len(there) == 193
 
 
 def test_transfer_refuses_what_does_not_belong_together(registered, capsys):
@@ -697,24 +661,6 @@ def test_no_control_character_reaches_the_terminal(folder, capsys):
         capsys, folder, "register", folder / "\x1b[31mred.npz", folder / "control.npz", "--out", folder / "out"
     )
     assert "\x1b" not in line and r"\x1b[31mred.npz" in line
-
-
-def test_a_lack_of_memory_is_one_line(folder, capsys, monkeypatch):
-    def greedy(*_, **__):
-        raise MemoryError
-
-    monkeypatch.setattr("qclearn.cli.registration.run_registration", greedy)
-    line = refused(capsys, folder, *to_register(folder))
-    assert "not enough memory" in line
-
-
-def test_a_full_disk_is_one_line_with_the_folder(folder, capsys, monkeypatch):
-    def full(*_, **__):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("qclearn.cli.registration.run_registration", full)
-    line = refused(capsys, folder, *to_register(folder))
-    assert re.search("out: the disk is full .*MB are free; make room", line)
 
 
 def test_a_bug_is_not_called_bad_input(folder, monkeypatch):

@@ -81,12 +81,6 @@ def test_curves_keep_their_number_and_length():
         np.testing.assert_allclose(image, 2 * curve, atol=1e-12)
 
 
-def test_targets_differ_by_more_than_colour():
-    for style in ("detected", "registered"):
-        assert CURVE_STYLES[style]["linestyle"] != CURVE_STYLES["target"]["linestyle"]
-        assert CURVE_STYLES[style]["marker"] != CURVE_STYLES["target"]["marker"]
-
-
 def test_curve_is_drawn_where_it_is(ax):
     curve = np.array([0.1, 0.2 + 0.3j, -0.4j])
     curves_plot(ax, [curve], "target")

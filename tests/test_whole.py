@@ -81,7 +81,7 @@ def cut(made, tmp_path_factory):
     folder = tmp_path_factory.mktemp("cut")
     landmarks = json.loads((made / "landmarks.json").read_text())
     for side, key in (("rh", "moving"), ("lh", "control")):
-        mask = "--label", made / f"{side}.cortex.label", "--keep"
+        mask = "--mask", made / f"{side}.cortex.label", "--keep"
         run("open", made / f"{side}.pial", *mask, "--out", folder / f"{side}.open.npz")
         table = qc.read_surface(folder / f"{side}.open.npz").original_vertices
         np.save(folder / f"{side}.sulc.npy", qc.read_values(made / f"{side}.sulc")[table])
@@ -177,7 +177,7 @@ def test_scanner_and_freesurfer_coordinates_go_together(made, registered, tmp_pa
 
 def test_a_cut_gifti_knows_its_whole_surface_too(made, cut, tmp_path):
     """But for its faces: `open` writes the numbers into the metadata."""
-    words = ("--label", made / "rh.cortex.label", "--keep", "--out", tmp_path / "rh.pial.open.surf.gii")
+    words = ("--mask", made / "rh.cortex.label", "--keep", "--out", tmp_path / "rh.pial.open.surf.gii")
     run("open", made / "rh.pial", *words)
     ours, theirs = (read_hemisphere(path) for path in (words[-1], cut / "rh.open.npz"))
     np.testing.assert_array_equal(ours.cut_surface.original_vertices, theirs.cut_surface.original_vertices)
@@ -301,7 +301,7 @@ def test_labels_of_the_cortex_that_do_not_fit_are_one_line(made, tmp_path, capsy
     words = [made / name if word == made / "lh.cortex.label" else word for word in to_register(made)]
     assert re.search(message, refused(capsys, tmp_path, *words, "--out", tmp_path / "out"))
     if name == "rh.cortex.label":
-        words = "--label", made / name, "--keep", "--out", tmp_path / "x.npz"
+        words = "--mask", made / name, "--keep", "--out", tmp_path / "x.npz"
         assert re.search(message, refused(capsys, tmp_path, "open", made / "lh.pial", *words))
 
 
@@ -403,6 +403,6 @@ def test_vertices_on_the_rim_of_a_label_may_go(made, tmp_path):
 
 def test_open_says_what_goes(made, tmp_path, capsys):
     in_pieces(made)
-    run("open", made / "lh.pial", "--label", made / "lh.bad.label", "--keep", "--out", tmp_path / "x.npz")
+    run("open", made / "lh.pial", "--mask", made / "lh.bad.label", "--keep", "--out", tmp_path / "x.npz")
     assert re.search(r"\d+ vertices outside the mask go: they lie apart", capsys.readouterr().out)
     assert everything(tmp_path) == ["x.npz"]

@@ -6,6 +6,9 @@ import lazy_loader as lazy
 EXPLORABLES = ("Mobius", "Mu", "Tuner", "Sulci", "Landmarks", "LBS", "Boundary", "Growth", "HowSure")
 TABLE = {
     "cells": ["keep", "num", "show_figure", "table"],
+    "comparisons": [
+        *("chain_seconds", "compare_fronts", "compare_runs", "median_pair", "methods_and_oracles", "noted", "saving")
+    ],
     "diagrams": ["block_diagram"],
     "dots": ["dot_lines", "plain_ticks", "run_dots"],
     "examples": ["cortex_problem", "example_problems", "spread_vertices"],
@@ -17,6 +20,9 @@ TABLE = {
     "picker": ["LandmarkPicker"],
     "paperlines": ["paper_lines", "paper_table"],
     "traininglab": ["training_lab"],
+    "verdicts": [
+        *("FACTOR", "compared", "judge_all", "judge_bound", "judge_order", "judge_ratio", "judge_size", "side")
+    ],
 }
 
 __getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=TABLE)

@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from qclearn.benchmark.measured import read_measured
-from qclearn.benchmark.rows import chain_seconds, compare_runs, summary
-from qclearn.benchmark.verdicts import judge_ratio
+from qclearn.benchmark.rows import summary
 
 from .cells import table
+from .comparisons import chain_seconds, compare_runs
+from .verdicts import judge_ratio
 
 KINDS = ("equation", "figure", "table", "contribution", "claim", "erratum")
 PROVED = ("def-", "lem-", "prop-", "thm-", "rem-")  # how labels of theorems and their kin begin

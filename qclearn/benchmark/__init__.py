@@ -9,11 +9,9 @@ TABLE = {
     "pairs": "CONTROL cohort_pair displacement_pair fsaverage_pair mapped mapped_subject prepare",
     "problems": "DISTANCES",
     "reference_metrics": "area_and_shape floors",
-    "rows": "chain_seconds compare_fronts compare_runs failures median_pair methods_and_oracles "
-    "noted saving summary",
+    "rows": "failures summary",
     "run": "benchmark",
     "runs": "RUNS Run",
-    "verdicts": "FACTOR compared judge_all judge_bound judge_order judge_ratio judge_size side",
 }
 MODULES = {module: names.split() for module, names in TABLE.items()}
 

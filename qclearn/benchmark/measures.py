@@ -7,8 +7,6 @@ from ..plane.linear import corner_angles, edge_lengths, face_areas
 from ..registration.curves import edge_graph, weigh_edges
 from ..registration.metrics import SMALLEST_RATIO, coefficient_statistics
 
-DRAWS, LEVEL = 10_000, 0.95  # of the bootstrap
-
 
 def coefficient_measures(surface, disk, mu):
     """Statistics of |mu| over the faces of the moving mesh: each face counts once, as in the
@@ -75,15 +73,3 @@ def distortion_measures(surface, points):
         "angle_distortion": float(np.degrees(abs(there - here)).mean()),
         "area_distortion": float(np.average(abs(np.log2(ratio)), weights=surface.face_areas)),
     }
-
-
-def paired_difference(one, other, rng):
-    """(mean, low, high) of one - other over the same subjects, low and high of its 95 % bootstrap
-    interval; pairs with a NaN are left out, and without any pair all three are NaN."""
-    differences = np.asarray(one, float) - np.asarray(other, float)
-    differences = differences[np.isfinite(differences)]
-    if not len(differences):
-        return (np.nan,) * 3
-    means = differences[rng.integers(len(differences), size=(DRAWS, len(differences)))].mean(1)
-    low, high = np.quantile(means, [(1 - LEVEL) / 2, (1 + LEVEL) / 2]).tolist()
-    return float(differences.mean()), low, high

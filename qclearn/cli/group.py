@@ -37,14 +37,14 @@ from .output import fail, output_folder, say
 )
 @click.option("--rounds", type=int, default=4, help="At most so many; 0: Möbius maps alone.")
 @click.option("--delta", type=float, default=BY_DISKS, help="Weight of the features' mismatch.")
-@click.option("--folder", help="Where finished rounds are stored  [default: rounds in --out]")
 @click.option("--scheduler", help="Address of a dask scheduler, tcp://HOST:8786.")
 @click.option("--workers", type=int, default=2, help="Processes, without --scheduler.")
-def template(subjects, out, mirror, folder, units, **options):
+def template(subjects, out, mirror, units, **options):
     """Make an unbiased template of SUBJECTS, surface files of disks of one side.
 
-    The folder gets template.npz, report.json and a registration-NN.npz per subject. Exit code 3 if
-    a subject is left out because its registration folds or is suspect: one line on stderr names it.
+    The folder gets template.npz, report.json and a registration-NN.npz per subject, and rounds/,
+    by which a stopped run goes on. Exit code 3 if a subject is left out because its registration
+    folds or is suspect: one line on stderr names it.
     """
     unknown = sorted(set(mirror) - set(subjects))
     if unknown:
@@ -54,7 +54,7 @@ def template(subjects, out, mirror, folder, units, **options):
         raise click.UsageError(f"{twice}: a subject is given twice; give each once")
     members = {path: member_of(path, path in mirror, units) for path in subjects}
     with output_folder(out) as place:
-        made = qc.template(members, folder=folder or Path(out) / "rounds", progress=True, **options)
+        made = qc.template(members, folder=Path(out) / "rounds", progress=True, **options)
         write_template(place, made, members)
     print_rounds(made.report, out)
     if made.left_out:

@@ -36,9 +36,10 @@ FIGURES = {  # of the benchmark's table: key of a run's summary -> head of the c
 @click.option("--steps", type=int, help="Fewer or more steps than the recipe.")
 @click.option("--seed", type=int, help="Another seed than the recipe's.")
 @click.option("--quick", is_flag=True, help="A tiny training set, for a trial.")
-@click.option("--threads", type=int, help="Threads of torch  [default: all cores]")
-def train(network, preset, gamma, out, data, steps, seed, quick, threads):
+def train(network, preset, gamma, out, data, steps, seed, quick):
     """Train a network by the recipe of its shipped weights; write log, checkpoint and weights.
+
+    It takes all cores, or the threads of OMP_NUM_THREADS.
 
     `torchrun` runs it on several processes or machines:
 
@@ -49,7 +50,7 @@ def train(network, preset, gamma, out, data, steps, seed, quick, threads):
 
     changes = {"steps": steps, "seed": seed}
     changes = {name: value for name, value in changes.items() if value is not None}
-    path, row = run_training(network, preset, gamma, Path(out), data, quick, threads, **changes)
+    path, row = run_training(network, preset, gamma, Path(out), data, quick, **changes)
     if path:
         print(
             f"{path}: validation loss {row['validation_loss']:.4g} after {row['step']:.0f} steps, "

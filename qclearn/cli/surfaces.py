@@ -27,8 +27,11 @@ hemisphere_option = click.option(
 
 @click.command("open")
 @click.argument("surface")
-@click.option("--mask", help="Per-vertex file: non-zero vertices are cut away.")
-@click.option("--label", help="FreeSurfer .label file: its vertices are cut away.")
+@click.option(
+    "--mask",
+    required=True,
+    help="A .label, or a map that is not 0 there: the vertices to cut away.",
+)
 @click.option(
     "--keep", is_flag=True, help="The file names what stays (lh.cortex.label, thickness)."
 )
@@ -37,16 +40,14 @@ hemisphere_option = click.option(
 @merge_option
 @hemisphere_option
 @file_option("File; npz and GIFTI store the original numbers, too.")
-def open_command(surface, mask, label, keep, reverse, units, merge, hemisphere, out):
+def open_command(surface, mask, keep, reverse, units, merge, hemisphere, out):
     """Cut a closed hemisphere open at its medial wall, so that it becomes a disk."""
-    if (mask is None) == (label is None):
-        raise click.UsageError("open needs one of --mask FILE and --label FILE")
     closed = read_mesh(surface, units, merge)
     closed = closed._replace(faces=closed.faces[:, ::-1]) if reverse else closed
     frame = frame_of(surface)
     hemisphere = agreed(hemisphere, frame.side, surface)
-    require_side(mask or label, frame_of(mask or label).side, hemisphere, surface)
-    mask = qc.read_mask(mask or label, closed, keep)
+    require_side(mask, frame_of(mask).side, hemisphere, surface)
+    mask = qc.read_mask(mask, closed, keep)
     disk, original = opened(surface, closed, mask)
     frame = frame_of_whole(replace(frame, side=hemisphere), closed)
     qc.write_surface(out, disk, original_vertices=original, frame=frame)

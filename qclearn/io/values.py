@@ -25,7 +25,7 @@ _FORMATS = ".npy, .txt, .gii (shape, func, label, also gzipped), .mgh, .mgz, .an
 # Formats that are known and not read or written here: what to do instead.
 _REFUSED = {
     ".nii": foreign.NIFTI,
-    ".label": "a label lists vertices and gives no value to each: `qclearn open --label` takes it",
+    ".label": "a label lists vertices and gives no value to each: `qclearn open --mask` takes it",
     ".npz": "an npz holds several arrays: save one as .npy",
 }
 

@@ -19,28 +19,19 @@ from .weights import digest, stem
 
 
 def run_training(
-    network,
-    preset="best",
-    gamma=None,
-    out=Path("run"),
-    data=None,
-    quick=False,
-    threads=None,
-    **changes,
+    network, preset="best", gamma=None, out=Path("run"), data=None, quick=False, **changes
 ):
     """Train `network` by its recipe: (path of its weights, last row of the log), or (None, row).
 
     The recipe is the network's row in `nets.networks`: `TRAINING[preset]` of its module and the
     function of its data; changes replace fields of its `TrainConfig`, as in steps=100. preset: its
-    name, or as `build` a dict with fields of the network's configuration beside it. threads: of
-    torch, None for all cores. TrainingError as `train`.
+    name, or as `build` a dict with fields of the network's configuration beside it. TrainingError
+    as `train`.
     """
     given = {"preset": preset} if isinstance(preset, str) else dict(preset)
     row, preset = row_of(network), given["preset"]
     if fault := gamma_fault(network, preset, gamma):
         raise TrainingError(fault)
-    if threads:
-        torch.set_num_threads(threads)
     recipe = replace(row.training[preset], **changes)
     torch.manual_seed(recipe.seed)  # of the parameters' first values
     model = build(network, given | ({} if gamma is None else {"gamma": gamma}))

@@ -10,7 +10,6 @@ from qclearn.benchmark.measures import (
     distortion_measures,
     landmark_measures,
     near_curves,
-    paired_difference,
 )
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk
@@ -88,18 +87,3 @@ def test_distortion_by_hand():
     assert found["area_distortion"] == pytest.approx(abs(np.log2(ratio)).mean())
     lost = distortion_measures(surface, flat(np.array([0, 1, 1 + 1j, 0.5 + 0.5j])))
     assert lost["area_distortion"] == pytest.approx((1 + np.log2(1e6)) / 2)
-
-
-def test_the_bootstrap_interval_of_paired_differences_is_the_normal_one_for_many_subjects():
-    rng = np.random.default_rng(0)
-    subject, noise = 100 * rng.normal(size=400), rng.normal(size=(2, 400))
-    mean, low, high = paired_difference(subject + noise[0] + 1, subject + noise[1], rng)
-    error = np.std(noise[0] - noise[1]) / 20
-    assert mean == pytest.approx(1 + (noise[0] - noise[1]).mean())
-    assert (high - mean, mean - low) == pytest.approx((1.96 * error, 1.96 * error), rel=0.05)
-
-
-def test_pairs_that_miss_a_figure_are_left_out():
-    rng = np.random.default_rng(0)
-    assert paired_difference([1, 2, np.nan], [0, np.nan, 5], rng) == (1, 1, 1)
-    assert np.isnan(paired_difference([np.nan], [1], rng)).all()

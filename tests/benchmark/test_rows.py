@@ -9,17 +9,7 @@ import numpy as np
 import pytest
 
 from qclearn.benchmark.measured import BenchmarkError, plain, read_measured, schema
-from qclearn.benchmark.rows import (
-    Journal,
-    column,
-    compare_fronts,
-    compare_runs,
-    front_ratio,
-    median_pair,
-    methods_and_oracles,
-    noted,
-    summary,
-)
+from qclearn.benchmark.rows import Journal, failures, summary
 from qclearn.benchmark.runs import FRONT
 from qclearn.benchmark.runs import RUNS as RUNS_OF_THE_BENCHMARK
 
@@ -189,76 +179,6 @@ def test_means_are_over_the_pairs_that_have_a_figure():
     assert table["two"]["seconds"] is None and table["two"]["landmark_error"] is None
     assert table["one"]["sd_landmark_error"] == 0  # over landmarks, a figure of its own; not that over pairs
     assert "certified" not in [key for key in table["two"] if table["two"][key] is None]
-    found = column(rows, "one", "correspondence_sulci_mm")
-    assert list(found) == ["a", "b", "c", "d"] and np.isnan([found["c"], found["d"]]).all() and found["a"] == 0
-
-
-def test_a_front_is_compared_at_the_baselines_distortion():
-    points = [("one", 0.1, 1e-2), ("two", 0.3, 1e-4), ("base", 0.2, 2e-3)]
-    rows = [row("a", run, mean_abs_mu=size, landmark_error=error) for run, size, error in points]
-    between = (1e-2 + 1e-4) / 2
-    assert front_ratio(rows, ["one", "two"], "base") == {"a": pytest.approx(between / 2e-3)}
-    beaten = row("a", "three", mean_abs_mu=0.15, landmark_error=0.02)
-    assert front_ratio([*rows, beaten], ["one", "two", "three"], "base") == {"a": pytest.approx(between / 2e-3)}
-    assert front_ratio(rows, ["one"], "base") == {"a": pytest.approx(1e-2 / 2e-3)}  # held beyond the last point
-    assert np.isnan(front_ratio(rows, ["two"], "base")["a"])  # its least distortion is more than the baseline's
-    rows[1]["certified"] = False
-    assert front_ratio(rows, ["one", "two"], "base") == {"a": pytest.approx(1e-2 / 2e-3)}
-    rows[2]["certified"] = False
-    assert front_ratio(rows, ["one", "two"], "base") == {}
-
-
-def test_fronts_are_ahead_behind_or_level_by_their_interval():
-    def rows_of(factors):
-        return [
-            row(pair, run, mean_abs_mu=0.2, landmark_error=error)
-            for pair, factor in zip("abcd", factors)
-            for run, error in (("fit", factor * 1e-3), ("base", 1e-3))
-        ]
-
-    found = {
-        state: compare_fronts(rows_of(factors), ["fit"], "base", np.random.default_rng(0))
-        for state, factors in (("ahead", (0.5, 0.6, 0.5, 0.4)), ("behind", (2, 3, 2, 2)), ("level", (0.5, 2, 1, 1)))
-    }
-    assert {state: line["state"] for state, line in found.items()} == {state: state for state in found}
-    assert found["behind"]["ratio"] == pytest.approx(24**0.25) and found["ahead"]["won"] == 4
-    assert found["level"]["low"] < 1 < found["level"]["high"] and found["level"]["won"] == 1
-    nobody = compare_fronts([row("a", "fit")], ["fit"], "base", np.random.default_rng(0))
-    assert nobody["state"] == "unknown" and nobody["pairs"] == 0
-
-
-def test_runs_are_compared_on_the_pairs_that_both_have():
-    rows = [
-        row("a", landmark_error=3.0),
-        row("b", landmark_error=9.0),
-        row("b", "two", landmark_error=7.0),
-        row("a", "two", landmark_error=1.0),
-        row("c", landmark_error=100.0),
-    ]
-    assert compare_runs(rows, "one", "two", "landmark_error", np.random.default_rng(0)) == (2, 2, 2)
-
-
-def test_oracles_stand_apart():
-    truth = row("a", "oracle", landmark_error=0.1) | {"landmarks": "exact"}
-    method = row("a", landmark_error=0.1) | {"landmarks": "path"}
-    assert methods_and_oracles([truth, method]) == ([method], [truth])
-
-
-def test_the_median_pair_is_shown():
-    rows = [row(pair, landmark_error=error) for pair, error in zip("abcd", (0.4, 0.1, 0.3, 0.2))]
-    assert median_pair(rows, "one") == "d" and median_pair(rows[:3], "one") == "c"
-    with pytest.raises(BenchmarkError, match="no pair has a landmark error of the run 'two'"):
-        median_pair(rows, "two")
-
-
-def test_notes_are_counted_by_their_words():
-    rows = [
-        row("a", landmark_error=0.1, notes=["two overlaps mended", "overlap again"]),
-        row("b", landmark_error=0.1),
-        row("c"),
-        row("a", "two", landmark_error=0.1, notes=["an overlap"]),
-    ]
-    assert noted(rows, "one", "overlap") == 1 and noted(rows, "one", "let go") == 0
 
 
 def test_the_kept_results_hold_every_run_on_every_subject():
@@ -268,7 +188,7 @@ def test_the_kept_results_hold_every_run_on_every_subject():
     assert {run["name"] for run in results["settings"]["runs"]} == everything
     assert results["settings"]["commit"].isalnum()  # of files that were committed as they were run
     for name in (run.name for run in RUNS_OF_THE_BENCHMARK + FRONT if "cohort" in run.sets):
-        assert len(column(rows, name, "landmark_error")) == results["settings"]["subjects"] >= 12
+        assert [entry["run"] for entry in rows].count(name) == results["settings"]["subjects"] >= 12
     fits = [entry for entry in results["rows"] if entry["method"] in ("gauss_newton", "cpnet_steps", "guarded")]
     assert all(entry["status"] == "done" and entry["certified"] for entry in fits)
 
@@ -278,3 +198,19 @@ def test_a_row_that_failed_gives_way_to_a_later_one(out):
     journal.append(row("a"))
     journal.append(row("a", landmark_error=0.1))
     assert [entry["status"] for entry in journal.finish(PROVENANCE)["rows"]] == ["done"]
+
+
+@pytest.mark.parametrize(
+    "truth, curves, failed",
+    [
+        ((7.0, 2.0), (1.0, 2.0), True),  # the truth says it, whatever the curves say
+        ((1.0, 2.0), (3.0, 2.0), False),
+        ((None, None), (3.0, 2.0), True),
+        ((None, None), (2.0, 2.0), False),
+        ((None, None), (None, None), False),
+    ],
+)
+def test_a_map_that_ends_farther_than_it_began_has_failed(truth, curves, failed):
+    row, start = ({"correspondence_mm": a, "held_out_mm": b, "pair": "p"} for a, b in zip(truth, curves))
+    rows = [row | {"run": "mine"}, start | {"run": "rotation"}]
+    assert failures(rows, "mine") == ["p"] * failed and failures(rows[:1], "mine") == []

@@ -17,8 +17,7 @@ from prose import typed_results
 
 from book.builder import references
 from book.builder.references import markdown_of
-from qcbook import paper_lines, paper_table, paperlines
-from qclearn.benchmark import chain_seconds, saving
+from qcbook import chain_seconds, paper_lines, paper_table, paperlines, saving
 
 ROOT = Path(__file__).resolve().parents[2]
 LINES = paper_lines(ROOT / "book" / "paper.toml")

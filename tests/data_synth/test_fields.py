@@ -143,12 +143,6 @@ def test_fields_lie_on_the_disk_as_on_the_square():
     assert ((mu[x > 0.3] / turn).real > 0).all() and ((mu[x < -0.3] / turn).real < 0).all()
 
 
-def test_the_generator_decides_everything():
-    draws = [random_coefficient(DISK, np.random.default_rng(s), kind="image", size=24) for s in (1, 1, 2)]
-    assert np.array_equal(draws[0], draws[1])
-    assert abs(draws[0] - draws[2]).mean() > 0.01
-
-
 @pytest.mark.parametrize(
     "options, message",
     [

@@ -94,7 +94,7 @@ def test_two_processes_train_together(tmp_path):
     data = tmp_path / "data"
     run_training("dbsnet", out=tmp_path / "draw", data=data, steps=1, quick=True)  # the set is there for both
     launched = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
-    words = ["-m", "qclearn", "train", "dbsnet", "--steps", "2", "--quick", "--threads", "1"]
+    words = ["-m", "qclearn", "train", "dbsnet", "--steps", "2", "--quick"]
     command = [*launched, *words, "--out", tmp_path / "run", "--data", data]
     environment = os.environ | {"OMP_NUM_THREADS": "1"}
     done = subprocess.run(command, capture_output=True, text=True, timeout=180, env=environment, check=False)

@@ -139,11 +139,6 @@ def test_the_rate_warms_up_and_falls_to_zero():
     assert rate_at(32, CONFIG) == pytest.approx(0.5, abs=0.02) and rate_at(59, CONFIG) < 0.01
 
 
-def test_the_seed_decides(tmp_path):
-    a, b = (run(tmp_path / name, Line(0.5), replace(CONFIG, seed=seed))[0] for name, seed in (("a", 1), ("b", 2)))
-    assert not torch.equal(a.layer.weight, b.layer.weight)
-
-
 @pytest.mark.parametrize(
     "change, words",
     [

@@ -140,10 +140,6 @@ def test_what_is_not_shipped_is_refused(arguments, words):
         load(*arguments)
 
 
-def test_names_of_the_files():
-    assert stem("cpnet", "paper", 2e5) == "cpnet-paper-g2e5" and stem("dbsnet", "best") == "dbsnet-best"
-
-
 def test_the_digest_sees_shape_type_and_order():
     x = torch.arange(6.0)
     different = [[x], [x.reshape(2, 3)], [x.double()], [x + 1], [x[:3], x[3:]], [torch.complex(x, x)]]

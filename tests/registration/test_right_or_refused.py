@@ -121,6 +121,7 @@ ASTRAY = {
 @pytest.mark.parametrize("case", ASTRAY)
 @pytest.mark.parametrize("mesh, gamma", [(SMALL, 1e2), (SMALL, 1e5), (COARSE, 1e5)], ids=["low", "usual", "coarse"])
 def test_a_fit_never_ends_above_the_best_mobius_map(case, mesh, gamma):
+    """Nor in a map that folds: steps that objectives alone choose would, of "permuted" on the coarse mesh."""
     p, q = (np.asarray(side, complex) for side in ASTRAY[case])
     fit = fit_landmarks(*mesh, p, q, gamma=gamma)
     samples, best = Disk(*mesh).sampling(p), mobius(mesh[0], *best_mobius(p, q))
@@ -147,14 +148,6 @@ def test_the_work_of_a_fit_of_wrong_landmarks_is_bounded():
     with patch("qclearn.registration.multiresolution.GaussNewtonObjective", Watched):
         fit = fit_landmarks(*COARSE, p, q, gamma=1e5)
     assert objectives[-1].spent and fit.bijective and fit.fallbacks[-1].startswith("the fit was stopped")
-
-
-def test_no_step_leads_from_a_map_that_does_not_fold_to_one_that_does():
-    """A fold is where a map may come nearest to what no map can do: steps that objectives alone
-    choose end lower here, in a map with 37 faces flipped."""
-    p, q = ASTRAY["permuted"]
-    fit = fit_landmarks(*COARSE, p, q, gamma=1e5)
-    assert fit.bijective and len(check_bijective(*COARSE, fit.f).flipped) == 0
 
 
 def test_a_fit_gone_astray_is_taken_up_again_from_the_mobius_map():

@@ -9,7 +9,7 @@ async ([rules, part]) => {
     box.setAttribute("style", `${style ?? ""}; display: inline-block; ${size}`);
   }
   // Of the texts that look alike, in their colour and in all that lies behind them, three are enough; axe says nothing of one
-  // that is hidden or has one letter.
+  // that is hidden or has one letter, nor of an element without a text of its own, but asks itself so for each of thousands.
   const grounds = new Map(), seen = {};
   function ground(element) {
     if (element && !grounds.has(element)) {
@@ -22,11 +22,14 @@ async ([rules, part]) => {
   }
   for (const element of document.body.querySelectorAll("*")) {
     const texts = [...element.childNodes].filter((part) => part.nodeType === Node.TEXT_NODE).map((part) => part.data.trim());
+    const letters = Math.max(0, ...texts.map((text) => text.length));
+    const silent = !element.checkVisibility() || letters === 1 || (letters === 0 && !element.matches("input, select, textarea"));
+    element.toggleAttribute("data-alike", silent);
+    if (silent || letters === 0) continue;
     const { color, fontSize, fontWeight, position } = getComputedStyle(element);
     const look = [color, fontSize, fontWeight, position, ground(element)].join();
-    const letters = Math.max(0, ...texts.map((text) => text.length));
-    element.toggleAttribute("data-alike", letters === 1 || (letters > 1 && seen[look] >= 3));
-    if (letters > 1 && element.checkVisibility()) seen[look] = (seen[look] ?? 0) + 1;
+    seen[look] = (seen[look] ?? 0) + 1;
+    element.toggleAttribute("data-alike", seen[look] > 3);
   }
   axe.configure({ rules: [{ id: "color-contrast", selector: "*:not([data-alike])" }] });
 

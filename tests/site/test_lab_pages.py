@@ -12,8 +12,9 @@ from places import EXECUTED, SITE
 
 from qcbook.cells import in_powers
 
-# Two workers of xdist share the tests in JupyterLab, pages and widgets: each starts one server.
-pytestmark = pytest.mark.xdist_group("pages in JupyterLab")
+# All tests in JupyterLab, of pages and of widgets, share one server. A group of so many tests is begun first, and no
+# worker of xdist waits for it at the end.
+pytestmark = pytest.mark.xdist_group("JupyterLab")
 READ = ["index", "lbs", "notation", "teaching"]  # between them figures, scenes, explorables, tables, theorems, boxes
 RUN = ["lbs", "fourier"]
 CLOCK = re.compile(r"second|_ms|time")  # numbers that differ from run to run

@@ -3,17 +3,16 @@ keys changes the sentence."""
 
 import nbformat
 import pytest
-from laboratory import RUN_ALL, Reader
+from laboratory import RUN_ALL
 
-pytestmark = pytest.mark.xdist_group("pages in JupyterLab")
-ROOT = ".qc-live[data-page=tuner][data-ready]"
+pytestmark = pytest.mark.xdist_group("JupyterLab")
+ROOT = ".jp-NotebookPanel:not(.lm-mod-hidden) .qc-live[data-page=tuner][data-ready]"
 
 
-def test_the_first_cell_alone_brings_the_sliders(browser, lab):
+def test_the_first_cell_alone_brings_the_sliders(reader, lab):
     notebook = nbformat.read(lab.root / "sources" / "live.ipynb", as_version=4)
     notebook.cells = [next(cell for cell in notebook.cells if cell.cell_type == "code")]
     nbformat.write(notebook, lab.root / "planted" / "tuner.ipynb")
-    reader = Reader(browser, lab.address)
     page = reader.page
     reader.open("planted/tuner.ipynb")
     page.evaluate(RUN_ALL)
@@ -28,4 +27,4 @@ def test_the_first_cell_alone_brings_the_sliders(browser, lab):
         arg=[f"{ROOT} [role=status]", before],
         timeout=30_000,
     )
-    page.close()
+    reader.close()

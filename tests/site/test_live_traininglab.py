@@ -2,7 +2,7 @@
 
 import pytest
 
-pytestmark = pytest.mark.xdist_group("widgets in JupyterLab")
+pytestmark = pytest.mark.xdist_group("JupyterLab")
 LAB = "from qcbook.traininglab import training_lab\nlab = training_lab()\nlab.seconds.value = 2\nlab"
 
 

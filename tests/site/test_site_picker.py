@@ -6,7 +6,7 @@ import re
 import pytest
 from view import axe_findings
 
-pytestmark = pytest.mark.xdist_group("widgets in JupyterLab")
+pytestmark = pytest.mark.xdist_group("JupyterLab")
 MAKE = (
     "from qclearn import fsaverage5\nfrom qcbook import LandmarkPicker\n"
     "sides = [fsaverage5(side, wall='thickness') for side in ('right', 'left')]\n"

@@ -9,6 +9,7 @@ from book.builder import course, references
 from book.builder.graded import EXERCISES, PLACE, call
 from leaks import drift, graded_lines, leaks, page_lines, text_of
 
+pytestmark = pytest.mark.xdist_group("solutions")  # one notebook of a student serves all
 KINDS = {".html", ".ipynb", ".md", ".txt", ".py", ".js", ".json"}
 
 

@@ -2,8 +2,7 @@
 
 `judge_ratio` is for a quotient of two methods' figures, `judge_size` for a figure with a unit,
 `judge_order` for figures that should rise or fall, `judge_bound` for 'more than', `judge_all` for
-'all', `judge_start` for a map that is worse than what it began from. `side` reads an interval, and
-`compared` two figures of one study.
+'all'. `side` reads an interval, and `compared` two figures of one study.
 """
 
 from itertools import pairwise
@@ -55,17 +54,6 @@ def judge_bound(least, here):
 def judge_all(count, total):
     """The verdict on a claim of 'all': "agrees" where none is missing."""
     return holds(count == total > 0)
-
-
-def judge_start(row, start):
-    """The verdict on a map's row against that of its start: "failed here" where it ends worse.
-
-    Measured by the ground truth or, where there is none, by the held-out curves; else "". Such a
-    row counts for no method.
-    """
-    key = "held_out_mm" if row.get("correspondence_mm") is None else "correspondence_mm"
-    known = row.get(key) is not None and start.get(key) is not None
-    return "failed here" if known and row[key] > start[key] else ""
 
 
 def holds(fact):
