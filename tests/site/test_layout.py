@@ -1,5 +1,5 @@
-"""What test_site_pages.py relies on: layout.js finds each fault, and formulas follow the width of the
-window."""
+"""What test_site_pages.py relies on: layout.js finds each fault; and what is wider than a narrow window scrolls in a
+box of its own."""
 
 import pytest
 from view import NARROW, WIDE, View
@@ -20,6 +20,15 @@ PLANTED = {
     "wide page": ("<div style='width: 1500px'>wide</div>", "the page scrolls sideways"),
     "small print": ("<pre style='font-size: 9px'>small</pre>", "smaller than 12 px"),
     "shrunk": ("<pre style='transform: scale(0.5)'>shrunk</pre>", "shrunk: pre"),
+    "no shadow": (
+        "<div class='pst-scrollable-table-container' tabindex='0'><p style='width: 1500px'>x</p></div>",
+        "without a shadow: div",
+    ),
+    "no keyboard": (
+        "<div class='wide-picture' style='overflow-x: auto'><p style='width: 1500px'>x</p></div>",
+        "beyond the keyboard: div",
+    ),
+    "small picture": ("<figure><img alt='' style='width: 900px; max-width: 350px'></figure>", "only 350 px wide: img"),
     "bold caption": (
         "<figure><figcaption style='font-weight: 700 !important'>bold</figcaption></figure>",
         "bold: figcaption",
@@ -55,13 +64,36 @@ def test_every_complaint_is_heard(window, site_address):
     view.page.close()
 
 
-def test_formulas_are_broken_anew_when_the_window_changes(window, site_address):
-    lines = "() => document.querySelectorAll('article mjx-linebox').length"
-    view = View(window, site_address, "lbs.html")
-    wide = view.page.evaluate(lines)
+# On these pages are a formula, a table and a picture that are wider than a telephone's window, and none that is wider
+# than a desk's.
+@pytest.mark.parametrize(
+    "name, box",
+    [("lbs.html", "mjx-container"), ("files.html", ".pst-scrollable-table-container"), ("fit.html", ".wide-picture")],
+)
+def test_what_is_too_wide_scrolls_in_its_own_box(window, site_address, name, box):
+    view = View(window, site_address, name)
+    assert view.page.locator(f"{box}[role=region]").count() == 0
     view.resize(NARROW)
-    assert view.page.evaluate(lines) > wide
+    scrolls = view.page.locator(f"{box}[role=region]").first
+    assert scrolls.get_attribute("aria-label").endswith("that scrolls sideways")
+    scrolls.focus()
+    view.page.keyboard.press("ArrowRight")
+    view.page.wait_for_function("box => box.scrollLeft > 0", arg=scrolls.element_handle())
     assert view.layout_faults() == []
+    view.page.close()
+
+
+def test_no_displayed_formula_is_broken(window, site_address):
+    view = View(window, site_address, "lbs.html", NARROW)
+    assert view.page.locator("mjx-container[display] mjx-linebox").count() == 0
+    view.page.close()
+
+
+def test_code_in_a_table_is_broken_at_its_signs(window, site_address):
+    """No line of a table's code in a narrow window ends inside a word."""
+    view = View(window, site_address, "files.html", NARROW)
+    pieces = view.all("td code .pre", "[e.textContent, e.getClientRects().length]")
+    assert [text for text, lines in pieces if lines > 1] == []
     view.page.close()
 
 

@@ -21,12 +21,9 @@ HANDLES = ".jupyter-widgets .noUi-handle"
 LAYOUT = Path(__file__).with_name("layout.js").read_text(encoding="utf-8")
 AXE = Path(__file__).with_name("axe.js").read_text(encoding="utf-8")
 TYPESET = "() => MathJax.startup.promise.then(() => document.fonts.ready).then(() => null)"
-# reflow.js waits 200 ms for the end of a change of size, and asks MathJax then.
-EXPECT_A_CHANGE = """() => { window.resized = new Promise(done =>
-    addEventListener("resize", () => setTimeout(done, 250), {once: true})); }"""
 PLANT = """html => (document.querySelector("article section") ?? document.querySelector("article"))
     .insertAdjacentHTML("beforeend", `<div id="planted">${html}</div>`)"""
-CHANGED = "() => window.resized.then(() => window.MathJax?.startup?.document?.whenReady(() => null)).then(() => null)"
+DRAWN = "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(null))))"
 
 
 def axe_findings(frame, part=None, **rules):
@@ -86,9 +83,8 @@ class View(Tab):
             self.page.wait_for_load_state("networkidle")
 
     def resize(self, width):
-        self.page.evaluate(EXPECT_A_CHANGE)
         self.page.set_viewport_size({"width": width, "height": 900})
-        self.page.evaluate(CHANGED)
+        self.page.evaluate(DRAWN)
 
     def layout_faults(self):
         return self.page.evaluate(LAYOUT)
