@@ -6,6 +6,7 @@ import re
 from docutils import nodes
 
 WIDE = 600  # pixels; a wider figure would have letters of 4 to 8 pixels on a telephone
+PIXELS = re.compile(r"([\d.]+)(?:px)?")
 SIGNS = re.compile(r"(?<=[/._:=,@])(?=\w)|(?<=\w-)(?=\w)")
 
 
@@ -27,8 +28,8 @@ def fit(app, doctree, page):
         code.clear()
         code += words
     for picture in list(doctree.findall(nodes.image)):
-        width = picture.get("width", "")
-        if isinstance(picture.parent, nodes.figure) and width.endswith("px") and float(width[:-2]) > WIDE:
+        pixels = PIXELS.fullmatch(picture.get("width", ""))
+        if isinstance(picture.parent, nodes.figure) and pixels and float(pixels[1]) > WIDE:
             box = nodes.container(classes=["wide-picture"])
             picture.replace_self(box)
             box += picture
