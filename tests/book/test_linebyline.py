@@ -282,8 +282,9 @@ def test_what_is_left_of_the_saving_is_said_as_the_sweep_says_it():
     assert (checked, whole) == ("does not hold", "does not hold"), "the README says so"
     words = (
         f"At {count:,} vertices the saving of the networks' passes alone {passes}, and that of their map as it comes, "
+        f"resampled to the mesh, {comes}. For that map, certified and corrected, it {checked}, "
+        f"and for the whole chain it {whole}."
     )
-    words += f"resampled to the mesh, {comes}. For that map, certified and corrected, it {checked}, and for the whole chain it {whole}."
     assert words in " ".join(markdown_of("linebyline").split()), f"the sweep says so: {words}"
 
 
