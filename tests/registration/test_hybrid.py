@@ -162,7 +162,7 @@ def test_coarse_features_guide_with_less_weight_and_the_whole_is_asked_for_at_la
         delta = (objective.feature_term.scale**2).sum()
         assert delta == pytest.approx(0.3 if level.sigma >= 16 else 1.0)
     small = multiresolution.objective(LEVELS[0], Weights(gamma=10.0, delta=0.1), features)
-    assert small.weights.gamma == 10 and (small.features.scale**2).sum() == pytest.approx(0.1)
+    assert small.weights.gamma == 10 and (small.feature_term.scale**2).sum() == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize(
