@@ -58,7 +58,7 @@ class Group:
         self.names = names
         self.folder = folder
         self.bar = bar
-        surfaces = [client.scatter(member.surface, hash=False) for member in members]
+        surfaces = [self.sent(member.surface) for member in members]
         self.subjects = [
             self.submit(of.prepared, surface, names, member.given)
             for surface, member in zip(surfaces, members)
@@ -77,6 +77,11 @@ class Group:
             if rows[-1]["settled"]:
                 break
         return mean, centre, fits, rows
+
+    def sent(self, value):
+        """A value at the workers, under a name of its own: with dask's names by content, a value
+        that is sent again while its first copy is given up can be lost."""
+        return self.client.scatter(value, hash=False)
 
     def submit(self, function, *arguments):
         return self.client.submit(function, *arguments, pure=False)
@@ -113,7 +118,7 @@ class Group:
     def align(self, mean):
         """Align the subjects by Möbius maps with one of them, then twice with their mean."""
         for number in range(PASSES):
-            there = self.client.scatter(mean)
+            there = self.sent(mean)
             near = number == PASSES - 1
             self.subjects = [self.submit(of.aligned, each, there, near) for each in self.subjects]
             if number == 0:
@@ -133,7 +138,7 @@ class Group:
 
     def register_all(self, mean, number, weights):
         """The `Fitted` of all subjects to the mean."""
-        there = self.client.scatter(mean)
+        there = self.sent(mean)
         fits = [self.folder.read(number, member.key) for member in self.members]
         tasks = [
             fit or self.submit(of.fitted, subject, there, weights)
@@ -179,7 +184,7 @@ class Group:
 
     def each(self, function, maps, *arguments):
         """The results of function(subject, its map, *arguments), one by one."""
-        there = [self.client.scatter(argument) for argument in arguments]
+        there = [self.sent(argument) for argument in arguments]
         tasks = {k: self.submit(function, self.subjects[k], f, *there) for k, f in maps.items()}
         return (result_of(task, self.members[k].name) for k, task in tasks.items())
 

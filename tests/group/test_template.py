@@ -8,14 +8,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from distributed import LocalCluster
+from distributed import Client, LocalCluster
 
 import qclearn as qc
 from exactmaps import twist
 from qclearn.cli import main
 from qclearn.group import subject as of
 from qclearn.group.members import members_of
-from qclearn.group.rounds import Folder
+from qclearn.group.rounds import Folder, Group
 from qclearn.group.subject import Fitted, Mean, Shared, mean_of, onto
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk
@@ -143,9 +143,22 @@ def test_a_run_that_was_stopped_goes_on(found, folder, monkeypatch):
     assert [path.name for path in folder.iterdir() if not path.name.startswith("round-")] == ["settings.json"]
 
 
+ONE = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": "127.0.0.1:0"}
+
+
+def test_a_value_that_is_sent_again_is_not_lost():
+    """One mean goes to the workers in a registration and again in the average behind it."""
+    with LocalCluster(**ONE) as cluster, Client(cluster) as client:
+        group = Group(client, [], [], None, None)
+        for _ in range(20):
+            for _ in range(2):
+                there = group.sent(MAPS[0][0])
+                assert group.submit(len, there).result() == len(MAPS[0][0])
+                del there
+
+
 def test_a_scheduler_gives_what_this_process_gives(found, folder):
-    options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": "127.0.0.1:0"}
-    with LocalCluster(**options) as cluster:
+    with LocalCluster(**ONE) as cluster:
         other = of_bowls(folder=folder, scheduler=cluster.scheduler_address)
     np.testing.assert_array_equal(other.surface.vertices, found.surface.vertices)
     assert other.report == found.report
