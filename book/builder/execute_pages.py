@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 import nbformat
 
@@ -27,6 +28,8 @@ PACKAGES = "qclearn", "data_synth", "book/qcbook"
 # The programs that prepare and finish a run, beside this one.
 HELPERS = costs, expressions, graded, guards, reading, solutions
 PASSED_OVER = {"__pycache__", "browser"}
+REPORT = BUILD / "executed.xml"  # of pytest on the last run
+FAILED = "build_book: a notebook failed; the cell and its error are above"
 STAMPS = SOURCE / ".stamps.json"  # page -> what its last good run was a run of
 
 
@@ -141,10 +144,15 @@ def execute(paths, jobs):
         "-n",
         str(min(jobs, len(paths))),
         "--durations=0",
+        f"--junitxml={REPORT}",
         *paths,
     ]
-    if subprocess.run(command, env=environment, check=False).returncode:
-        sys.exit("build_book: a notebook failed; the cell and its error are above")
+    REPORT.unlink(missing_ok=True)
+    ended = subprocess.run(command, env=environment, check=False).returncode
+    if ended > 1:  # pytest itself: no page is known to be good
+        sys.exit(FAILED)
+    cases = ElementTree.parse(REPORT).iter("testcase")
+    return {Path(case.get("name")).stem for case in cases if len(case)}
 
 
 def library_digest():
@@ -172,19 +180,25 @@ def stamp(page):
 
 
 def run(pages, jobs):
-    """Execute the named pages into build/book; stops at what is wrong."""
+    """Execute the named pages into build/book; stops at what is wrong, behind the last page."""
     SOURCE.mkdir(parents=True, exist_ok=True)
     copy_book()  # pages read its files
     stamps = json.loads(STAMPS.read_text()) if STAMPS.exists() else {}
     paths = copy_pages(pages)
     new = {page: stamp(page) for page in pages}  # a change during the run makes it out of date
     # The copies have no outputs yet: were this run stopped, no stamp may say that they have.
-    STAMPS.write_text(json.dumps({page: value for page, value in stamps.items() if page not in pages}, indent=1))
+    stamps = {page: value for page, value in stamps.items() if page not in pages}
+    STAMPS.write_text(json.dumps(stamps, indent=1))
     stop_at(each_page(paths, prepare))
-    execute(paths, jobs)
-    stop_at(each_page(paths, finish))
+    failed = set(execute(paths, jobs))
+    wrong = list(each_page([path for path in paths if path.stem not in failed], finish))
     copy_book()  # once more: its tables say what the runs cost
-    STAMPS.write_text(json.dumps(stamps | new, indent=1))
+    # Good pages have their stamps, so that the next build executes the others alone.
+    bad = failed | {line.partition(".ipynb, ")[0] for line in wrong}
+    STAMPS.write_text(json.dumps(stamps | {page: new[page] for page in pages if page not in bad}, indent=1))
+    if failed:
+        sys.exit(FAILED)
+    stop_at(wrong)
 
 
 def execute_outdated(pages, jobs):

@@ -98,13 +98,23 @@ def test_runs_stay_and_all_else_is_copied_anew(tree, monkeypatch):
     assert (root / "build/book/two.ipynb").read_text() == "a run"
 
 
-def test_a_run_that_fails_leaves_no_stamp(tree, monkeypatch):
+@pytest.mark.parametrize("step", ["prepare", "execute", "finish"])
+def test_only_a_page_that_fails_is_left_without_stamp(tree, monkeypatch, step):
+    """A page that cannot be prepared stops the run before any is executed."""
     root, _ = tree
-    (root / "book/one.ipynb").write_text("changed")
-    monkeypatch.setattr(execute_pages, "each_page", lambda *arguments: ["cell 1: wrong"])
-    with pytest.raises(SystemExit, match="cell 1: wrong"):
+    for name in ("one", "two"):
+        (root / f"book/{name}.ipynb").write_text("changed")
+
+    def each_page(paths, change):
+        at_fault = change is getattr(execute_pages, step) and any(path.stem == "one" for path in paths)
+        return ["one.ipynb, cell 1: wrong"] if at_fault else []
+
+    monkeypatch.setattr(execute_pages, "each_page", each_page)
+    monkeypatch.setattr(execute_pages, "execute", lambda *arguments: {"one"} if step == "execute" else set())
+    with pytest.raises(SystemExit, match="a notebook failed" if step == "execute" else "one.ipynb, cell 1: wrong"):
         execute_pages.execute_outdated(["one", "two"], 2)
-    assert list(json.loads((root / "build/book/.stamps.json").read_text())) == ["two"]
+    stamps = json.loads((root / "build/book/.stamps.json").read_text())
+    assert list(stamps) == ([] if step == "prepare" else ["two"])
 
 
 def test_an_unknown_page_is_named():
