@@ -10,6 +10,7 @@ import os
 import shutil
 import subprocess
 import sys
+from itertools import chain
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -104,6 +105,7 @@ def finish(notebook):
 
 
 def execute(paths, jobs):
+    """Run copies of pages in place: the names of those that fail, a set."""
     # An empty pytest configuration: the tests' own settings (warnings as errors) are about the
     # library, not about Jupyter.
     settings = BUILD / "nbmake.ini"
@@ -190,15 +192,15 @@ def run(pages, jobs):
     stamps = {page: value for page, value in stamps.items() if page not in pages}
     STAMPS.write_text(json.dumps(stamps, indent=1))
     stop_at(each_page(paths, prepare))
-    failed = set(execute(paths, jobs))
-    wrong = list(each_page([path for path in paths if path.stem not in failed], finish))
+    failed = execute(paths, jobs)
+    wrong = {path.stem: list(each_page([path], finish)) for path in paths if path.stem not in failed}
     copy_book()  # once more: its tables say what the runs cost
     # Good pages have their stamps, so that the next build executes the others alone.
-    bad = failed | {line.partition(".ipynb, ")[0] for line in wrong}
+    bad = failed | {page for page, lines in wrong.items() if lines}
     STAMPS.write_text(json.dumps(stamps | {page: new[page] for page in pages if page not in bad}, indent=1))
     if failed:
         sys.exit(FAILED)
-    stop_at(wrong)
+    stop_at(chain.from_iterable(wrong.values()))
 
 
 def execute_outdated(pages, jobs):

@@ -63,7 +63,7 @@ def tree(tmp_path, monkeypatch):
     monkeypatch.setattr(execute_pages, "SOURCE", tmp_path / "build" / "book")
     monkeypatch.setattr(execute_pages, "STAMPS", tmp_path / "build" / "book" / ".stamps.json")
     for name in ("execute", "each_page"):
-        monkeypatch.setattr(execute_pages, name, lambda *arguments: [])
+        monkeypatch.setattr(execute_pages, name, lambda *arguments: set())
     execute_pages.execute_outdated(["one", "two"], 2)
     stamps = json.loads((tmp_path / "build/book/.stamps.json").read_text())
     return tmp_path, lambda: [page for page in ("one", "two") if stamps.get(page) != execute_pages.stamp(page)]
