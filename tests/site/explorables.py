@@ -20,6 +20,11 @@ document.addEventListener('qc-live-answer', event => {
   const {number, of} = event.detail;
   window.answered[event.target.dataset.page] = {number, newest: number === of};
 }, true);"""
+# A drag is over once the page has heard of its end; an answer from before that is none to it.
+DROP = """() => { window.dropped = new Promise(done => addEventListener('pointerup', () => {
+  window.answered = {};
+  done();
+}, {capture: true, once: true})); }"""
 KERNEL = re.compile("The kernel's|The kernel has no answer")
 # Until the read-outs are whole: of some answers a part comes later.
 ANSWERED = """([name, before]) => window.answered[name]?.newest && window.answered[name].number > before
@@ -108,10 +113,12 @@ class Explorable:
         )
 
         def move():
+            self.page.evaluate(DROP)
             mouse.move(*here)
             mouse.down()
             mouse.move(*there, steps=4)
             mouse.up()
+            self.page.evaluate("() => window.dropped")
 
         self.after(move)
 
