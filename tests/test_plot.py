@@ -137,7 +137,7 @@ def test_registration_figure_draws_before_and_after(registered, tmp_path):
 def test_of_a_large_surface_means_over_fewer_vertices_are_drawn():
     z, faces = polar_disk(130, 200)
     some, triangles, means = drawn_part(Disk(z, faces), Surface(np.stack([z.real, z.imag, 0 * z.real], 1), faces))
-    assert 25_000 <= len(some) < len(z) == 26_001 and not len(Disk(z[some], triangles).flipped)
+    assert 25_000 <= len(some) < len(z) == 26_001 and not len(Disk(z[some], triangles).maybe_flipped)
     np.testing.assert_allclose(means.sum(1), 1)
     np.testing.assert_allclose(means @ z, z[some], atol=0.03)
 

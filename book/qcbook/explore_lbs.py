@@ -52,12 +52,12 @@ class LBS(Live):
     def answer(self, state):
         """The library's map, and how many faces it folds."""
         f = self.map(state)
-        return {"map": as_pairs(f), "folds": len(self.mesh.at(f).flipped)}
+        return {"map": as_pairs(f), "folds": len(self.mesh.at(f).maybe_flipped)}
 
     def picture(self, state):
         """A Matplotlib figure of the grid under the map and of its |mu|, and a description."""
         z, faces, f, (_, targets) = self.mesh.z, self.mesh.faces, self.map(state), self.pins(state)
-        folded, (figure, (image, sizes)) = (self.mesh.at(f).flipped, two_disks("grid, pins and folds", "|μ|"))
+        folded, (figure, (image, sizes)) = (self.mesh.at(f).maybe_flipped, two_disks("grid, pins and folds", "|μ|"))
         grid_plot(image, z, faces, f)
         for triangle in f[faces[folded]]:
             image.fill(triangle.real, triangle.imag, color=FLIPPED_COLOUR, zorder=4)

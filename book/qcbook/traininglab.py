@@ -65,7 +65,7 @@ def map_answer(lesson):
     for ax in axes:
         grid_plot(ax, z, faces, lesson.exact, color="#1F4E79" if ax is axes[0] else "0.7")
     grid_plot(axes[1], z, faces, f, color="#B22222")
-    away, folds = abs(f - lesson.exact), len(Disk(f, faces).flipped)
+    away, folds = abs(f - lesson.exact), len(Disk(f, faces).maybe_flipped)
     words = (
         f"<p>For an unseen coefficient the network's map is {away.mean():.3g} from the exact one "
         "on average, at most "

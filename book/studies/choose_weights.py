@@ -43,7 +43,7 @@ from qclearn.io.provenance import provenance
 from qclearn.registration.curves import curves_of_both
 from qclearn.registration.fit import fit_with_fallbacks
 from qclearn.registration.pair import align_disks, sample_landmarks
-from qclearn.registration.problem import BY_DISKS, DELTA, ETA, Weights
+from qclearn.registration.problem import DELTA, DELTA_BY_DISKS, ETA, Weights
 
 GENERATION = 4  # of the cohort: its true maps keep areas about as well as maps of real cortex do
 SEEDS = range(3001, 3007)  # not those of the benchmark or of the training sets
@@ -53,7 +53,7 @@ KEPT = ("held_out_mm", "correspondence_mm", "correspondence_sulci_mm", "landmark
 # (beta, gamma, delta, eta) at alpha = 1, which sets the unit of the others, and whether inner
 # points slide.
 FOLDED = (
-    (1e-2, 1e3, BY_DISKS, 0.0, False),
+    (1e-2, 1e3, DELTA_BY_DISKS, 0.0, False),
     (1e-2, 1e3, 1.0, 0.25, False),
     (1e-2, 1e3, 2.0, 1.0, False),
     (1e-2, 1e3, 2.5, 2.5, False),

@@ -181,7 +181,7 @@ def prepared(problem, dissected):
 
 def figures(problem, first, last):
     """Folds of a map before and after its correction, and its landmark error."""
-    flipped = [len(problem.disk.at(f).flipped) for f in (first, last)]
+    flipped = [len(problem.disk.at(f).maybe_flipped) for f in (first, last)]
     error = abs(problem.samples @ last - problem.target).mean()
     return {"flipped_before": flipped[0], "flipped": flipped[1], "landmark_error": error}
 

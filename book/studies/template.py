@@ -34,7 +34,7 @@ from qclearn.io.provenance import provenance
 from qclearn.plane.disk import Disk
 from qclearn.registration.curves import curve_distance, curves_in_space
 from qclearn.registration.features import FOLDS
-from qclearn.registration.problem import BY_DISKS, Weights
+from qclearn.registration.problem import DELTA_BY_DISKS, Weights
 from qclearn.surfaces.conformal import ParameterizedSurface
 from qclearn.surfaces.curvature import curvature_image
 
@@ -104,7 +104,7 @@ def one_control(subjects, folder):
         group.align_to_mean()
         group.folder, control = Folder(None, {}), group.median()
         first = alone(group.subjects[control].result())
-        used = group.used(group.register_all(first, 1, Weights(delta=BY_DISKS)))
+        used = group.used(group.register_all(first, 1, Weights(delta=DELTA_BY_DISKS)))
         mean = group.average(first, used, first.disk.z)
     return members[control].name, mean, {members[k].name: f for k, f in used.items()}
 

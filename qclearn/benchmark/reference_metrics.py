@@ -8,12 +8,12 @@ from ..registration.curves import (
     POINTS_PER_CURVE,
     SAMPLES,
     curve_distance,
+    curve_lines,
     curves_in_space,
     sample_curve,
 )
 from ..registration.features import standardised
 from ..registration.metrics import distortion_maps, log2_distortions, quantile
-from ..registration.pair import curve_lines
 from .images import OnDisk
 
 # Figures of held-out curves, figures of the true map itself, and their names in a row.

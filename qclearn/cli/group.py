@@ -14,7 +14,7 @@ from ..io.frames import Frame
 from ..io.meshes import frame_of
 from ..io.safe import npz_arrays, read_bytes
 from ..registration.features import FOLDS
-from ..registration.problem import BY_DISKS
+from ..registration.problem import DELTA_BY_DISKS
 from ..registration.transfer import side_arrays, write_registration
 from .given import units_option
 from .output import fail, output_folder, say
@@ -36,7 +36,9 @@ from .output import fail, output_folder, say
     help="What is matched; repeatable.",
 )
 @click.option("--rounds", type=int, default=4, help="At most so many; 0: Möbius maps alone.")
-@click.option("--delta", type=float, default=BY_DISKS, help="Weight of the features' mismatch.")
+@click.option(
+    "--delta", type=float, default=DELTA_BY_DISKS, help="Weight of the features' mismatch."
+)
 @click.option("--scheduler", help="Address of a dask scheduler, tcp://HOST:8786.")
 @click.option("--workers", type=int, default=2, help="Processes, without --scheduler.")
 def template(subjects, out, mirror, units, **options):

@@ -20,7 +20,7 @@ from ..registration.curves import (
     read_points,
     spaces,
 )
-from ..registration.landmark_sources import aligned_by_folds, carried, ends_apart, ordered, threaded
+from ..registration.landmark_sources import carried, ends_apart, ordered, pair_by_folds, threaded
 from ..surfaces.checks import counted
 from ..surfaces.units import other_units
 from .given import merge_option, units_option
@@ -122,7 +122,7 @@ def from_labels(labels, sides, mirror, lines):
         for name, *files in labels
     ]
     moving, control = (one.cut_surface for one in sides.values())
-    aligned = aligned_by_folds(qc.mirror(moving) if mirror else moving, control)
+    aligned = pair_by_folds(qc.mirror(moving) if mirror else moving, control)
     curves = []
     for (name, *_), (here, there) in zip(labels, paths):
         straight, crossed = ends_apart(aligned, here, there)

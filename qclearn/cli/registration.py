@@ -14,7 +14,7 @@ from ..io.hemisphere import Hemisphere, read_hemisphere
 from ..io.provenance import origin
 from ..io.safe import printable
 from ..registration.curves import curves_of_both, on_cut_surfaces, read_landmarks
-from ..registration.problem import BY_DISKS, DELTA, ETA, Weights
+from ..registration.problem import DELTA, DELTA_BY_DISKS, ETA, Weights
 from ..registration.register import Stages
 from ..registration.register import register as run_registration
 from ..registration.transfer import side_arrays, write_registration
@@ -61,7 +61,7 @@ def refuse_sure(context, parameter, value):
 @click.option(
     "--delta",
     type=float,
-    help=f"Weight of the feature mismatch  [default: {DELTA:g}, or {BY_DISKS:g} with --eta 0]",
+    help=f"Weight of the feature mismatch  [default: {DELTA:g}, or {DELTA_BY_DISKS:g} with --eta 0]",
 )
 @click.option(
     "--eta", type=float, help=f"Weight of mean (log J)^2  [default: {ETA:g} with features, else 0]"

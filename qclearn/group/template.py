@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from ..io.provenance import commit
 from ..registration.features import FOLDS
-from ..registration.problem import BY_DISKS, Weights
+from ..registration.problem import DELTA_BY_DISKS, Weights
 from ..registration.register import check_delta
 from ..surfaces.surface import Surface
 from .members import TemplateError, members_of
@@ -49,7 +49,7 @@ def template(
     subjects: list | tuple | dict,
     features: list | tuple = FOLDS,
     rounds: int = 4,
-    delta: float = BY_DISKS,
+    delta: float = DELTA_BY_DISKS,
     folder: str | Path | None = None,
     scheduler: str | None = None,
     workers: int = 2,

@@ -83,7 +83,7 @@ def read_mesh(path, units, merge):
         arrays = reader(path, data)
     with safe.naming(path):
         mesh = Mesh.of(*arrays)
-        if units != "mm" and size_of(mesh)[1] in (units, None):
+        if units != "mm" and size_of(mesh).unit in (units, None):
             mesh = mesh._replace(vertices=UNITS[units] * mesh.vertices)
         return mesh.merged() if merge else mesh
 

@@ -128,7 +128,7 @@ def solve_beltrami_disk(z: PerVertex, faces: Faces, mu: PerFace, repair: bool = 
     if repair:
         f, rows, _ = unfold(solver, f)
         if len(rows):
-            left = len(solver.disk.at(f).reversed)
+            left = len(solver.disk.at(f).flipped)
             messages.append(
                 f"{len(rows)} rows switched to mean-value weights, {left} faces stay flipped"
             )

@@ -72,7 +72,7 @@ def repair(matrix, disk, lengths, before=()):
     for rounds in range(30):
         # The inner vertices of flipped faces; where all have switched, one ring more, as long as
         # there is one.
-        wanted = _interior(disk, disk.flipped)
+        wanted = _interior(disk, disk.maybe_flipped)
         reached = 0
         while wanted.sum() > reached and not (wanted & ~switched).any():
             wanted, reached = _interior(disk, wanted[disk.faces].any(1)), wanted.sum()
@@ -100,7 +100,7 @@ def unfold(solver, f):
     switched vertices, rounds of the repair)."""
     disk = solver.disk
     picture = disk.at(f)
-    if not len(picture.flipped):
+    if not len(picture.maybe_flipped):
         return f, np.zeros(0, int), 0
     # Lengths in the metric |dz + mu conj(dz)|.
     sides = opposite_edges(disk.z[disk.faces])

@@ -209,8 +209,8 @@ class Disk:
             return difference / (total + area_element)
 
     @cached_property
-    def flipped(self) -> Integer[ndarray, " k"]:
-        """The faces that are not counter-clockwise beyond doubt of rounding."""
+    def maybe_flipped(self) -> Integer[ndarray, " k"]:
+        """The faces that are flipped, or that rounding leaves in doubt."""
         a, b, c = self.z[self.faces].T
         with np.errstate(all="ignore"):  # what overflows, or is not finite, stays in doubt
             left = (b - a).real * (c - a).imag
@@ -221,18 +221,18 @@ class Disk:
             return np.flatnonzero(~(left - right > 1e-15 * (abs(left) + abs(right)) + 1e-300))
 
     @cached_property
-    def reversed(self) -> Integer[ndarray, " k"]:
+    def flipped(self) -> Integer[ndarray, " k"]:
         """The faces that are not counter-clockwise, decided exactly: those in doubt in integers."""
-        corners = self.z[self.faces[self.flipped]]
+        corners = self.z[self.faces[self.maybe_flipped]]
         finite = np.isfinite(corners).all(1)
-        vertices, corners = np.unique(self.faces[self.flipped[finite]], return_inverse=True)
+        vertices, corners = np.unique(self.faces[self.maybe_flipped[finite]], return_inverse=True)
         (ax, bx, cx), (ay, by, cy) = (
             integers(part)[corners.reshape(-1, 3).T]
             for part in (self.z[vertices].real, self.z[vertices].imag)
         )
-        sound = np.zeros(len(self.flipped), bool)
+        sound = np.zeros(len(self.maybe_flipped), bool)
         sound[finite] = (bx - ax) * (cy - ay) > (by - ay) * (cx - ax)
-        return self.flipped[~sound]
+        return self.maybe_flipped[~sound]
 
     @cached_property
     def certificate(self) -> Certificate:
@@ -242,14 +242,14 @@ class Disk:
         if simple:
             ring = shapely.linearrings(pairs(rim))
             simple = bool(ring.is_simple and ring.is_ccw)
-        return Certificate(simple and len(self.reversed) == 0, self.reversed, simple)
+        return Certificate(simple and len(self.flipped) == 0, self.flipped, simple)
 
     def certify(self, f):
         """The `Certificate` of a map f (V,); BeltramiError where the mesh itself is folded."""
-        if len(self.reversed):
+        if len(self.flipped):
             raise BeltramiError(
-                f"{len(self.reversed)} triangles of the source mesh are folded or without area "
-                f"(first: {self.reversed[:5].tolist()}): a map of it cannot be certified"
+                f"{len(self.flipped)} triangles of the source mesh are folded or without area "
+                f"(first: {self.flipped[:5].tolist()}): a map of it cannot be certified"
             )
         return self.at(f).certificate
 

@@ -21,7 +21,7 @@ TABLE = {
     ],
     "networks": ["certified_network_map"],
     "pair": ["SurfacePair", "align_disks", "lines_by_name", "sample_landmarks"],
-    "problem": ["BY_DISKS", "DELTA", "ETA", "Problem", "Weights"],
+    "problem": ["DELTA_BY_DISKS", "DELTA", "ETA", "Problem", "Weights"],
     "report": ["held_out_distances"],
     "residuals": ["LandmarkTerm"],
     "uncertainty": ["Laplace", "calibrated"],

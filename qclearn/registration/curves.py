@@ -190,17 +190,10 @@ def curves_in_space(side, curves):
     """Points (SAMPLES, 3), equally spaced by arc length, on a `ParameterizedSurface`'s surface for
     each curve (k,) in its disk."""
     # Lifting is faster for the points of all curves at once.
-    fine = [_subdivide(np.asarray(curve, complex)) for curve in curves]
+    fine = [fill(np.asarray(curve, complex), SAMPLES) for curve in curves]
     stops = np.cumsum([len(part) for part in fine])[:-1]
     points = side.lift(np.concatenate(fine))
     return [_equally_spaced(part) for part in np.split(points, stops)]
-
-
-def _subdivide(points):
-    """At least SAMPLES points on the polyline through `points` (k, ...), the corners among them."""
-    per_segment = -(-SAMPLES // (len(points) - 1))
-    inner = np.linspace(points[:-1], points[1:], per_segment, endpoint=False, axis=1)
-    return np.append(inner.ravel(), points[-1])
 
 
 def _equally_spaced(points):
@@ -520,7 +513,7 @@ def nearest_vertices(surface, points, space, known):
     over NEAR, which names the space of `known`, a result of `spaces`, in which all are near. space:
     one of them, or None: the file's own."""
     tree = scipy.spatial.cKDTree(surface.vertices)
-    mm = size_of(surface)[2]
+    mm = size_of(surface).mm
     distance, vertices = tree.query(known[space](points) if space else points)
     distance /= mm
     worst = distance.argmax()
@@ -541,18 +534,23 @@ def nearest_vertices(surface, points, space, known):
     return vertices, distance
 
 
-def checked_curves(detect, own, curves, side):
-    """`Curve`s of one side of a `ParameterizedSurface`, "moving" or "control", as given or by
-    `detect`: their lines (k,) in its disk, and messages. The shortest path replaces a detected line
-    that has an `own_fault`, or crosses or touches another one."""
+def curve_lines(own, curves, side, detect=None):
+    """`Curve`s of one side, "moving" or "control", in the disk of its `ParameterizedSurface`: (k,)
+    complex each, and messages.
+
+    Given curves stay. The others are shortest paths, or what `detect` finds, unless such a line has
+    an `own_fault`, or crosses or touches another one.
+    """
     surface = own.surface
     z = own.disk.z
     lines = [z[curve.path(side)] for curve in curves]
     wanted = [k for k, curve in enumerate(curves) if curve.detect[side]]
     ends = {k: curves[k].path(side) for k in wanted}
-    detected = detect(surface, z, np.array([*ends.values()])) if wanted else []
+    detected = (detect or detect_curves)(surface, z, np.array([*ends.values()])) if wanted else []
     for k, line in zip(wanted, detected, strict=True):
         lines[k] = np.asarray(line, complex)
+    if detect is None:
+        return lines, []
     faults = {k: fault for k in wanted if (fault := own_fault(lines[k], z[ends[k]]))}
     # A given line stays even where a detected one crosses it.
     sound = [k for k in range(len(lines)) if k not in faults]
@@ -562,7 +560,7 @@ def checked_curves(detect, own, curves, side):
                 if k in wanted:
                     faults[k] = f"crosses or touches {curves[other].name!r}"
     for k in wanted:
-        lines[k] = lines[k] if k in faults else fill(lines[k])
+        lines[k] = lines[k] if k in faults else fill(lines[k], POINTS)
     if faults:
         again = sorted(faults)
         shortest = detect_curves(surface, z, [ends[k] for k in again])
@@ -583,9 +581,9 @@ def own_fault(line, ends):
     return None if path_of(line).is_simple else "crosses itself"
 
 
-def fill(line):
-    """The polyline with equally many points added to each piece, to POINTS at least."""
-    pieces = -(-POINTS // (len(line) - 1))
+def fill(line, points):
+    """The polyline (k,) with equally many points added to each piece, to `points` at least."""
+    pieces = -(-points // (len(line) - 1))
     return np.interp(np.arange((len(line) - 1) * pieces + 1) / pieces, np.arange(len(line)), line)
 
 

@@ -23,8 +23,8 @@ from .metrics import mean_rows
 
 LIMITS = {
     "error_mm": 3.0,  # mean landmark error, mm, together with the next; 0.05 to 4.1 | 0.3 to 64
-    "error_share": 1
-    / 3,  # of the error that the best Möbius map leaves; 0.003 to 0.34 | 0.037 to 1.2
+    # Share of the error that the best Möbius map leaves; 0.003 to 0.34 | 0.037 to 1.2.
+    "error_share": 1 / 3,
     "curve_mm": 5.0,  # error of one curve, mm, together with the next; 0.06 to 8.2 | 0.3 to 95
     "curve_ratio": 5.0,  # times the error of the median curve; 1.0 to 5.8 | 1.0 to 9.2
     "rows": 0.005,  # rows switched, per vertex; 0 to 0.004 | 0 to 0.99
@@ -52,19 +52,19 @@ LIMITS = {
 }
 ROUNDING = 1e-9  # in the disk: a misfit of this size is none
 
-# Curves: with fewer, a Möbius map takes wrong ends to wrong ends as well as right ones to right
-# ones.
+# Curves. With fewer, a Möbius map fits wrong ends as well as right ones.
 FEWEST = 3
-STEP = 0.9  # of the misfit of all curves: what a further change of their order must come below
+# A further change of the curves' order must bring the misfit of all below this share of it.
+STEP = 0.9
 LEAST_R = 0.3  # correlation below which features are no guide
-AGREEING_R = (
-    0.7  # of a feature after the fit; 0.69 to 0.94 between people, 0.4 to 0.7 where it is lost
-)
-# Mean angle, on crude spheres, between a place and where the map takes it: 6 to 12 degrees between
-# people whose curves end within 3.5 mm, 21 to 120 where they end over 10 mm off; and the mean
-# correlation from which on the map is right wherever a file's axes point, 0.86 to 0.92 and 0.5 to
-# 0.81 there.
-ASTRAY, SURE_R = 16.0, 0.85
+# Correlation of a feature after the fit: 0.69 to 0.94 between people, 0.4 to 0.7 where it is lost.
+AGREEING_R = 0.7
+# Degrees, the mean angle on crude spheres between a place and where the map takes it: 6 to 12
+# between people whose curves end within 3.5 mm, 21 to 120 where they end over 10 mm off.
+ASTRAY = 16.0
+# Above this mean correlation the map is right even if the files' axes disagree: 0.86 to 0.92 where
+# curves end near, 0.5 to 0.81 where they end far off.
+SURE_R = 0.85
 # Ratio of the two gaps' areas, each over its hemisphere's squared length: 1.0 to 1.3 between people
 # cut by one rule, 1.48 to 1.6 between FreeSurfer's cortex label and smaller cuts.
 WALLS = 1.4
@@ -102,7 +102,7 @@ def diagnose_landmarks(pair):
     except SurfaceError:  # a surface without folds
         return []
     # Axes of space have a meaning on hemispheres.
-    hemispheres = all(size_of(getattr(pair, side).surface)[1] for side in SIDES)
+    hemispheres = all(size_of(getattr(pair, side).surface).unit for side in SIDES)
     directions = pair.directions
     if hemispheres and directions.mirrored_r > max(directions.r + LIMITS["hand"], LEAST_R):
         return [f"mirror: the folds fit the mirrored moving surface much better; {MIRROR}"]
@@ -299,7 +299,7 @@ def differing_walls(moving, control):
     """`walls:` where two hemispheres were cut open by different rules. Folds change a surface's
     area and not its length: the gap's area over the squared length is what compares."""
     surfaces = moving, control
-    if not all(size_of(surface)[1] for surface in surfaces):
+    if not all(size_of(surface).unit for surface in surfaces):
         return
     here, there = (relative_gap(surface) for surface in surfaces)
     if max(here, there) > WALLS * min(here, there):
@@ -314,7 +314,7 @@ def differing_walls(moving, control):
 
 def relative_gap(surface):
     """Area of the fan that closes a surface's rim over its squared length."""
-    return face_areas(*closing_fan(surface)).sum() / size_of(surface)[0] ** 2
+    return face_areas(*closing_fan(surface)).sum() / size_of(surface).length ** 2
 
 
 def reasons(moving, rows, fit):
@@ -434,6 +434,5 @@ def worse(held_out_mm, dice):
         facts = ", and ".join(f"{fact} after the best Möbius map)" for fact in facts)
         yield (
             f"worse: {facts}; check what was fitted, lower delta or gamma, or give a landmark "
-            "curve "
-            "there"
+            "curve there"
         )

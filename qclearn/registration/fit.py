@@ -60,7 +60,7 @@ class CheckedMap:
     f: the map, Möbius part included; mu: its measured coefficient; mobius: (a, theta);
     landmark_error: mean |f(p) - q|, 0 without landmarks; bijective, flipped: the certificate's
     verdict and the flipped faces; fallbacks: messages on what else was done; switched: at how many
-    vertices the repair switched rows, the most of the maps tried.
+    vertices the repair switched rows, here or in the network's map, which is more.
     """
 
     f: Complex[ndarray, " V"]
@@ -215,7 +215,7 @@ def better_of_two_starts(multiresolution, guiding, polar, fine, weights, feature
     nothing = np.zeros(len(leading.coefficient_mesh.mesh.z), complex)
     state = leading.at(nothing, best_by_features(directions, z, PLACED))
     state, _ = run_level(leading, state, guiding[0], watch)
-    apart = features.areas @ abs(leading.coefficient_mesh.disk.sampling(z) @ state.f - z)
+    apart = features.areas @ abs(leading.discretization.sampling @ state.f - z)
     best = run(guiding, Progress(leading, state))
     message = f"by crude spheres, {apart:.2g} in the disk from the best Möbius map of features"
 

@@ -41,7 +41,7 @@ RELIEF = 1e-3
 MOBIUS_SHARE = 0.02
 
 # Conjugate gradients: how many steps at most (dual steps are few, unless gamma is extreme).
-STEPS = 80
+PRIMAL_STEPS = 80
 DUAL_STEPS = 200
 # Share of the objective by which the model of a step on the caller's mesh or its proxy must lower
 # it.
@@ -316,7 +316,7 @@ class PrimalStep(ProductStep):
         slope = -self.prior(self.nu) - self.adjoint(self.residual)
         solve = conjugate_gradients(product, self.precondition, slope, directions)
         x, rest, first = next(solve)
-        for x, rest, size in islice(solve, STEPS):  # noqa: B007, the last ones are the answer
+        for x, rest, size in islice(solve, PRIMAL_STEPS):  # noqa: B007, the last ones are the answer
             if size <= self.accuracy**2 * first or self.objective.spent:
                 break
         promised = self.model() - x @ (slope + rest)
@@ -346,7 +346,7 @@ class State:
     @cached_property
     def folded(self):
         """Whether rows were switched and faces stay flipped."""
-        return self.switched > 0 and len(self.solution.disk.at(self.f).flipped) > 0
+        return self.switched > 0 and len(self.solution.disk.at(self.f).maybe_flipped) > 0
 
 
 class Discretization:

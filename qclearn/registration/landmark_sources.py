@@ -79,7 +79,7 @@ def threaded(surface, vertices):
     return np.concatenate([vertices[:1], *parts])
 
 
-def aligned_by_folds(moving, control):
+def pair_by_folds(moving, control):
     """The `SurfacePair` of two surfaces, the moving disk aligned to the control's by depth and
     curvature alone; LandmarkError where the mirrored one fits better."""
     pair = SurfacePair(parameterize(moving), parameterize(control), [], [])
@@ -94,7 +94,7 @@ def ends_apart(pair, path, target):
     path's: as both paths run, and with one of them reversed."""
     here = pair.control.lift(pair.moving.disk.z[path[[0, -1]]])
     there = pair.control.surface.vertices[target[[0, -1]]]
-    mm = size_of(pair.control.surface)[2]
+    mm = size_of(pair.control.surface).mm
     return tuple(norms(here - one).mean() / mm for one in (there, there[::-1]))
 
 
@@ -146,5 +146,5 @@ def carried(surface, hemisphere=None):
         fundus = fundus_path(surface, *ends[name], metric)
         line = sample_curve(template, path, SAMPLES) @ run.points
         target = sample_curve(surface, fundus, SAMPLES) @ surface.vertices
-        off[name] = float(curve_distance(line, target) / size_of(surface)[2])
+        off[name] = float(curve_distance(line, target) / size_of(surface).mm)
     return Carried(ends, off, hemisphere)

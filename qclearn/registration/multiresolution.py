@@ -54,8 +54,8 @@ class Level(NamedTuple):
     rings: of the mesh of nu; sigma: the features' scale (None: landmarks alone); steps: at most;
     own_mesh: map the caller's own mesh; min_predicted_decrease: share of the objective by which
     the model of a step must lower it; stall_ratio: share of the objective that two steps may leave
-    if another is to follow, inf for any; gamma_factor, most: gamma here is so many times the
-    caller's, and at most `most`; rising: raise gamma to that from FIRST_GAMMA, where nu is 0;
+    if another is to follow, inf for any; gamma_factor, most_gamma: gamma here is so many times the
+    caller's, and at most `most_gamma`; rising: raise gamma to that from FIRST_GAMMA, where nu is 0;
     proxy_rings: rings of a polar mesh that is mapped in the own one's place, its proxy, with its
     weights; skip_ratio: take no step where the objective is at most so many times that of the level
     before.
@@ -68,7 +68,7 @@ class Level(NamedTuple):
     min_predicted_decrease: float = MIN_DECREASE_ON_GRID
     stall_ratio: float = np.inf
     gamma_factor: float = 1.0
-    most: float = np.inf
+    most_gamma: float = np.inf
     rising: bool = False
     proxy_rings: int = 0
     skip_ratio: float = 0.0
@@ -87,13 +87,13 @@ class Level(NamedTuple):
             delta = min(delta, GUIDING_DELTA)
         if eta and sigma > FINEST:
             delta, eta = min(delta, AREAS_DELTA), min(eta, AREAS_ETA)
-        gamma = min(self.gamma_factor * weights.gamma, self.most)
+        gamma = min(self.gamma_factor * weights.gamma, self.most_gamma)
         return replace(weights, gamma=gamma, delta=delta, eta=eta)
 
 
 def guided(rings, sigma, steps):
     """A level on a polar mesh that features lead."""
-    return Level(rings, sigma, steps, stall_ratio=STALL_RATIO_ON_GRID, most=GUIDING_GAMMA)
+    return Level(rings, sigma, steps, stall_ratio=STALL_RATIO_ON_GRID, most_gamma=GUIDING_GAMMA)
 
 
 def with_proxy(level):

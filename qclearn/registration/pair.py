@@ -11,7 +11,7 @@ from scipy.sparse import vstack
 
 from ..plane.mobius import best_mobius, mobius
 from ..surfaces.conformal import ParameterizedSurface, apply_mobius
-from .curves import POINTS_PER_CURVE, checked_curves, detect_curves, resample, sample_curve
+from .curves import POINTS_PER_CURVE, curve_lines, resample, sample_curve
 from .features import Directions, FeatureError, Features, mobius_by_features
 from .problem import LandmarkError, Problem, distinct, meeting
 
@@ -140,18 +140,6 @@ def lines_by_name(pair, curves, detect=None):
     control, more = curve_lines(pair.control, curves, "control", detect)
     names = [curve.name for curve in curves]
     return dict(zip(names, zip(moving, control))), messages + more
-
-
-def curve_lines(own, curves, side, detect=None):
-    """`Curve`s of one side in its disk, as given or detected: (k,) complex each, and messages. own:
-    the side's `ParameterizedSurface`; side: "moving" or "control"."""
-    if detect:
-        return checked_curves(detect, own, curves, side)
-    z = own.disk.z
-    ends = [curve.path(side) for curve in curves if curve.detect[side]]
-    detected = iter(detect_curves(own.surface, z, ends) if ends else [])
-    lines = [next(detected) if curve.detect[side] else z[curve.path(side)] for curve in curves]
-    return lines, []
 
 
 def sample_lines(own, lines):

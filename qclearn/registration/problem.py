@@ -13,7 +13,7 @@ from ..plane.mobius import best_mobius
 DELTA = 3.0
 ETA = 3.5
 # Default weight of features without areas; in a group, too, as its mean is no surface.
-BY_DISKS = 1.0
+DELTA_BY_DISKS = 1.0
 MEETING = 1e-9  # in the unit disk: landmarks closer than this are one point
 
 

@@ -19,7 +19,7 @@ from .features import FOLDS, check_features, featured
 from .fit import checked, fit_with_fallbacks
 from .networks import TOLERANCE, certified_network_map, gamma_messages, predicted
 from .pair import SurfacePair, align_disks, sample_landmarks
-from .problem import BY_DISKS, DELTA, ETA, LandmarkError, Weights
+from .problem import DELTA, DELTA_BY_DISKS, ETA, LandmarkError, Weights
 from .report import check_annotations, report_of
 from .uncertainty import check_uncertainty, uncertainty_of, uncertainty_report
 
@@ -122,7 +122,7 @@ def register(
     RegLoss); delta: of the features' mismatch, the sum of squared differences of standardised maps
     over the area, 2 (1 - r) per map; eta: of the areal term mean (log J)^2, J the map's areal scale
     from surface to surface. With eta = 0 only areas in the disks count, as in the paper. None:
-    DELTA and ETA with features, BY_DISKS where eta is 0; without features 0.
+    DELTA (3) and ETA (3.5) with features, DELTA_BY_DISKS (1) where eta is 0; without features 0.
 
     features: per-vertex maps that the map matches between the curves. "depth" and "curvature" are
     computed, a pair of arrays (V,) and (W,) is the user's own, and (pair, weight) has a weight
@@ -148,7 +148,7 @@ def register(
     # Everything that can be refused without a computation is refused here.
     tolerance = check_method(method, sliding, tolerance, features)
     eta = check_eta(eta, method, features)
-    delta = check_delta(delta, features, DELTA if eta else BY_DISKS)
+    delta = check_delta(delta, features, DELTA if eta else DELTA_BY_DISKS)
     weights = Weights(alpha, beta, gamma, delta, eta)
     if uncertainty:
         check_uncertainty(features, method, sliding, weights)
@@ -299,7 +299,7 @@ def check_method(method, sliding, tolerance, features):
     return tolerance
 
 
-def check_delta(delta, features, usual=BY_DISKS):
+def check_delta(delta, features, usual=DELTA_BY_DISKS):
     """The weight of the features: delta, the usual one if it is None, or 0 without any;
     LandmarkError where it would give them none."""
     delta = usual if delta is None else delta

@@ -175,7 +175,7 @@ def error_rows(pair, landmarks, f):
     q = there @ control.disk.z
     before = abs(mobius(here @ moving.disk.z, *landmarks.mobius_before) - q)
     off_mm = np.linalg.norm(control.lift(mapped) - there @ control.surface.vertices, axis=1)
-    off_mm /= size_of(control.surface)[2]
+    off_mm /= size_of(control.surface).mm
     rows = []
     by_curve = np.reshape([before, abs(mapped - q), off_mm], (3, len(pair.curves), -1)).mean(2)
     for curve, errors in zip(pair.curves, by_curve.T.tolist()):
@@ -213,7 +213,7 @@ def held_out_distances(pair, lines, *maps):
     samples = pair.moving.disk.sampling(np.concatenate(moving))
     targets = curves_in_space(pair.control, control)
     images = [curves_in_space(pair.control, np.split(samples @ f, stops)) for f in maps]
-    mm = size_of(pair.control.surface)[2]
+    mm = size_of(pair.control.surface).mm
     return {
         name: [float(curve_distance(curve, target) / mm) for curve in curves]
         for name, target, curves in zip(lines, targets, zip(*images))

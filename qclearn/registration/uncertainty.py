@@ -129,7 +129,7 @@ def uncertainty_of(pair, problem, weights, fit):
     density = control.smoothing.density(FINEST, control.disk)
     scale = np.exp(control.disk.interpolate(density, places) / 2)
     scale *= np.sqrt(control.surface.area / control.disk.areas.sum())
-    scale /= size_of(control.surface)[2]
+    scale /= size_of(control.surface).mm
 
     # The local mismatch of the features.
     here, there = folded.features.at(FINEST)
@@ -182,7 +182,7 @@ def stiffer(problem, weights, features, fit):
         nu = start_field(problem.disk, fit.mu, first.coefficient_mesh.mesh)
         resumed = Progress(first, first.at(nu, fit.mobius))
     objective, state, _ = multiresolution.run(levels, weights, None, features, resumed=resumed)
-    return objective.coefficient_mesh.disk.sampling(problem.disk.z) @ state.f
+    return objective.discretization.sampling @ state.f
 
 
 def calibrated():

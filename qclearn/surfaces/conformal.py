@@ -137,7 +137,7 @@ class ParameterizedSurface:
     def whole(self) -> bool:
         """Whether the boundary runs around the circle once and no face is flipped."""
         rim = self.disk.z[self.surface.boundary]
-        return bool(np.angle(np.roll(rim, -1) / rim).min() > 0 and not len(self.disk.flipped))
+        return bool(np.angle(np.roll(rim, -1) / rim).min() > 0 and not len(self.disk.maybe_flipped))
 
     @cached_property
     def vertex_shares(self):

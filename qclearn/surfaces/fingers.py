@@ -88,7 +88,8 @@ def uniform_matrix(surface):
 
 def finger_message(surface, finger):
     """Where a finger is: its vertices, length, and mean place in space."""
-    unit = f" {size_of(surface)[1]}" if size_of(surface)[1] else ""
+    unit = size_of(surface).unit
+    unit = f" {unit}" if unit else ""
     place = ", ".join(f"{x:.0f}" if unit else f"{x:.2g}" for x in surface.vertices[finger].mean(0))
     length = depths(surface, finger)[finger].max()
     return (

@@ -1,5 +1,7 @@
 """The unit of a surface's coordinates by its length, and what a millimetre is on it."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 UNITS = {"mm": 1.0, "m": 1e3, "um": 1e-3}  # in mm
@@ -10,15 +12,23 @@ IN_OTHERS = 40 / 3, 3 * 230.0
 TYPICAL = 165.0  # mm
 
 
+class Size(NamedTuple):
+    """length: of a surface, in its coordinates; unit: "mm", "m" or "um", in which a hemisphere is so
+    long, or None; mm: a millimetre in its coordinates, without a unit length / TYPICAL."""
+
+    length: float
+    unit: str | None
+    mm: float
+
+
 def size_of(surface):
-    """Length of a surface, the unit in which a hemisphere is so long or None, and how long a mm is
-    on it, without a unit 1 / TYPICAL of its length."""
+    """The `Size` of a surface."""
     points = surface.vertices[np.isfinite(surface.vertices).all(axis=1)]
     length = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
     for unit, (least, most) in (("mm", IN_MM), ("m", IN_OTHERS), ("um", IN_OTHERS)):
         if least <= UNITS[unit] * length <= most:
-            return length, unit, 1 / UNITS[unit]
-    return length, None, length / TYPICAL
+            return Size(length, unit, 1 / UNITS[unit])
+    return Size(length, None, length / TYPICAL)
 
 
 def other_units(**surfaces):

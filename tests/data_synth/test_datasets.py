@@ -161,7 +161,7 @@ def test_items_come_from_all_subjects_and_from_bijective_maps(subjects, monkeypa
     def watch(maps, mu):
         seen.add(len(maps.disk.faces))
         f = original(maps, mu)
-        flipped.append(len(maps.disk.at(f).reversed))
+        flipped.append(len(maps.disk.at(f).flipped))
         return f
 
     monkeypatch.setattr(type(dataset.subjects[0][2]), "solve", watch)

@@ -103,7 +103,7 @@ def test_forward_and_adjoint_are_transposes(equations):
 
 def test_the_step_solves_the_normal_equations(equations, monkeypatch):
     objective, state, found = equations
-    monkeypatch.setattr(gauss_newton, "STEPS", 300)
+    monkeypatch.setattr(gauss_newton, "PRIMAL_STEPS", 300)
     monkeypatch.setattr(found, "accuracy", 1e-9)
     J = np.stack([found.forward(unit) for unit in np.eye(2 * len(state.nu) + 3)], axis=1)
     W = sparse.block_diag([sparse.kron(objective.W, np.eye(2)), gauss_newton.MOBIUS_PRIOR * np.eye(3)]).toarray()

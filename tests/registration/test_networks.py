@@ -9,7 +9,7 @@ import pytest
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk
 from qclearn.plane.mobius import mobius
-from qclearn.registration.curves import Curve, checked_curves, detect_curves, fill
+from qclearn.registration.curves import POINTS, Curve, curve_lines, detect_curves, fill
 from qclearn.registration.fit import exact_map, moved_map
 from qclearn.registration.networks import refined
 from qclearn.registration.problem import Problem, Weights
@@ -36,7 +36,7 @@ def straight(change=lambda line: line):
 
 
 def guarded(detect, entries):
-    return checked_curves(detect, ParameterizedSurface(BOWL, DISK), entries, "moving")
+    return curve_lines(ParameterizedSurface(BOWL, DISK), entries, "moving", detect)
 
 
 def test_given_curves_stay_and_good_ones_are_used():
@@ -107,7 +107,7 @@ def test_curves_that_meet_in_an_endpoint_do_not_cross():
 
 def test_filling_keeps_the_polyline():
     line = np.array([0, 0.5, 0.5 + 0.2j, -0.1j])
-    filled = fill(line)
+    filled = fill(line, POINTS)
     assert len(filled) >= 256 and abs(np.diff(filled)).sum() == pytest.approx(abs(np.diff(line)).sum())
     np.testing.assert_array_equal(filled[:: (len(filled) - 1) // 3], line)
 

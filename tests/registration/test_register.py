@@ -88,7 +88,7 @@ def test_landmarks_are_met_and_the_report_measures_what_it_says(turned):
     assert report["landmark_error"] == pytest.approx(abs(mapped - q).mean(), rel=1e-6)
     assert report["landmark_error"] < before / 10
     there = ParameterizedSurface(control, Disk(result.disk_control, control.faces)).lift(mapped)
-    millimetres = np.linalg.norm(there - space, axis=1).mean() / size_of(control)[2]
+    millimetres = np.linalg.norm(there - space, axis=1).mean() / size_of(control).mm
     assert report["landmark_error_mm"] == pytest.approx(millimetres)
     by_curve = [row["landmark_error"] for row in report["curves"]]
     assert by_curve == pytest.approx(abs(mapped - q).reshape(3, 10).mean(1), rel=1e-6)

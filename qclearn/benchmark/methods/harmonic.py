@@ -33,12 +33,12 @@ def unfold(solver, f, smoothness):
     1 forgets the landmarks, 0 follows them. The source leaves open how much to smooth: little at first, then more.
     """
     disk, rounds = solver.disk, 0
-    first = left = len(disk.at(f).flipped)
+    first = left = len(disk.at(f).maybe_flipped)
     while left and rounds < MOST_ROUNDS:
         nu = truncated(smoothed(solver, truncated(disk.coefficient(f)), FIRST_WEIGHT / 2**rounds))
         held = truncated(disk.coefficient(solver.solve(nu, HARD)))
         f = solver.solve(truncated(held + smoothness * (nu - held)))
-        left, rounds = len(disk.at(f).flipped), rounds + 1
+        left, rounds = len(disk.at(f).maybe_flipped), rounds + 1
     if first:
         warn_of([f"overlap correction: {first} faces flipped, {left} after {rounds} rounds"])
     return f

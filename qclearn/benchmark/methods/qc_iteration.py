@@ -31,10 +31,10 @@ def qc_iteration(problem, alpha=1.0, rounds=20):
         nodal = factors.solve(load.real) + 1j * factors.solve(load.imag)
         nu, sigma = truncated(nodal[disk.faces].mean(1)), GROWTH * sigma
     f = solver.solve(nu, HARD)
-    left = len(disk.at(f).flipped)
+    left = len(disk.at(f).maybe_flipped)
     if left:
         f = solver.solve(nu)
-        let_go = len(disk.at(f).flipped)
+        let_go = len(disk.at(f).maybe_flipped)
         message = f"{left} faces flipped with the landmarks held; let go, {let_go}"
         warn_of([f"quasi-conformal iteration: {message}"])
     return f

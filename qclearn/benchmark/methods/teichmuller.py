@@ -37,7 +37,7 @@ def extremal(solver):
     else:
         still = f"the mean |mu| still changes by {abs(level - before) / level:.1e}, {SETTLED:.0e} ends it"
         warn_of([f"Teichmüller iteration: not settled after {MOST_ROUNDS} rounds ({still})"])
-    left = len(solver.disk.at(f).flipped)
+    left = len(solver.disk.at(f).maybe_flipped)
     if left:
         warn_of([f"Teichmüller iteration: {left} faces flipped"])
     return f
