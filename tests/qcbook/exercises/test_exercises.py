@@ -3,6 +3,7 @@ else by words."""
 
 import ast
 import linecache
+import re
 import subprocess
 import sys
 from collections import Counter
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 
 from book.builder.graded import EXERCISES
-from book.builder.references import chapters
+from book.builder.references import chapters, markdown_of
 from leaks import lines_of
 from qcbook.exercises import check
 from qcbook.exercises.exercise import Exercise
@@ -69,6 +70,12 @@ def test_the_solution_is_right_whatever_it_does_to_its_input(exercise):
     assert [said(exercise, exercise.solution, seed) for seed in SEEDS] == [""] * len(SEEDS)
     if callable(exercise.solution):
         assert said(exercise, spoiling(exercise.solution)) == ""
+
+
+@every
+def test_a_section_that_the_question_names_is_on_its_page(exercise):
+    named = re.findall(r"[Ss]ection \*(.+?)\*", " ".join(exercise.words.split()))
+    assert set(named) <= set(re.findall(r"^#+ (.*)$", markdown_of(exercise.page), re.MULTILINE))
 
 
 def spoiling(function):

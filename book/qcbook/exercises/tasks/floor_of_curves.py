@@ -5,8 +5,8 @@ from . import parts
 TITLE = "What no landmark can mend"
 PAGE, MINUTES, POINTS = "cohort", 20, 3
 TASK = r"""
-The section *Folds that correspond* names two floors that stand before anything is registered. Compute them for one
-curve, and what follows for a method. All points are in space, in mm. Given are
+The section *A lower bound for methods that match folds* names two floors that stand before anything is registered.
+Compute them for one curve, and what follows for a method. All points are in space, in mm. Given are
 
 - `images` `(n, 3)`: the *true* images of $n$ points of the moving curve, equally spaced by arc length;
 - `points` `(n, 3)`: the control's points at the same arc lengths, to which a method is told to take them;

@@ -7,9 +7,9 @@ from . import parts
 TITLE = "An error in its gauge"
 PAGE, MINUTES, POINTS = "dbsnetbest", 25, 3
 TASK = r"""
-The section *Held-out coefficients* has two errors of a network's maps, each in units of the identity's: the sum of
-distances from the exact maps over that of the identity, *as it comes*, and the same *after Möbius*, where both
-have been followed by their best Möbius maps. Write both. Given are the network's `maps` and the `exact` ones,
+The section *Accuracy on held-out coefficients* has two errors of a network's maps, each in units of the identity's:
+the sum of distances from the exact maps over that of the identity, *as it comes*, and the same *after Möbius*, where
+both have been followed by their best Möbius maps. Write both. Given are the network's `maps` and the `exact` ones,
 complex `(B, V)`; the vertices `z`, complex `(V,)`, which are the identity map; and a function `nearest`:
 `nearest(p, q)` is points $p$, `(V,)`, after the Möbius map of the disk that brings them nearest to the points $q$,
 as `qc.best_mobius` finds it. Return two numbers, in a tuple or an array.

@@ -11,8 +11,8 @@ $\mathcal L$ with respect to $\mu$, one complex number a face, `(F,)`, in the co
 $d\mathcal L = \operatorname{Re}\sum_T \overline{g_T}\,d\mu_T$.
 
 Two things are needed: the gradient with respect to $f$ in the same convention, and `solver.pullback`, which
-carries such a gradient `(V,)` back to one with respect to $\mu$. The section *The Gauss-Newton step, counted in
-landmarks* says what stands behind it.
+carries such a gradient `(V,)` back to one with respect to $\mu$. The section *A Gauss-Newton step as small as
+the number of landmarks* says what stands behind it.
 """
 
 
