@@ -13,8 +13,8 @@ TYPICAL = 165.0  # mm
 
 
 class Size(NamedTuple):
-    """length: of a surface, in its coordinates; unit: "mm", "m" or "um", in which a hemisphere is so
-    long, or None; mm: a millimetre in its coordinates, without a unit length / TYPICAL."""
+    """Of a surface: its length and a millimetre, in its coordinates, and the unit in which a
+    hemisphere is so long: "mm", "m", "um", or None, where mm is length / TYPICAL."""
 
     length: float
     unit: str | None
