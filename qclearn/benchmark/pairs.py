@@ -183,7 +183,8 @@ def prepare(pair, source="given"):
     moving, control = pair.moving.surface, pair.control.surface
     curves = pair.curves
     if source not in ("given", "exact"):
-        curves = [c | {"moving": [c["moving"][0], c["moving"][-1]]} for c in curves]
+        ends = [[c["moving"][0], c["moving"][-1]] for c in curves]
+        curves = [c | {"moving": two, "detect": True} for c, two in zip(curves, ends)]
     detect = None
     if source in DETECTORS:
         from ..nets import load  # here, as it needs torch

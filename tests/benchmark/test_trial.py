@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from qclearn import nets
 from qclearn.benchmark import Run
 from qclearn.benchmark.methods import METHODS
 from qclearn.benchmark.pairs import Pair, cohort_pair, displacement_pair, mapped, prepare, twisted
@@ -14,7 +15,8 @@ from qclearn.benchmark.trial import judge_radius, trial
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.grids import polar, polar_disk
 from qclearn.plane.mobius import mobius
-from qclearn.registration.curves import curves_of_both
+from qclearn.registration.curves import curves_of_both, detect_curves
+from qclearn.registration.pair import sample_lines
 from qclearn.surfaces.surface import Surface
 
 RINGS, SPOKES = 14, 42
@@ -64,13 +66,23 @@ def test_landmarks_are_the_curves_matched_by_arc_length_or_their_true_images(pai
     )
 
 
-def test_detected_curves_are_found_between_the_moving_ends(pair):
-    found = prepare(pair, "path")
-    given = prepare(pair)
-    np.testing.assert_allclose(found.target, given.target)
-    moving = pair.moving.surface.vertices
-    first = pair.curves[0]["moving"]
-    np.testing.assert_allclose((found.samples @ moving)[[0, 9]], moving[[first[0], first[-1]]], atol=1e-9)
+def test_detected_curves_are_found_between_the_moving_ends(pair, monkeypatch):
+    asked = []
+
+    def detect(surface, z, endpoints):
+        asked.append(endpoints.tolist())
+        return detect_curves(surface, z, endpoints)
+
+    # A landmarks file of both surfaces' own curves says that these are not to be detected.
+    fixed = replace(pair, curves=tuple(curve | {"detect": False} for curve in pair.curves))
+    moving, ends = pair.moving, [[curve["moving"][0], curve["moving"][-1]] for curve in pair.curves]
+    shortest = sample_lines(moving, detect_curves(moving.surface, moving.disk.z, ends))
+    monkeypatch.setattr(nets, "load", lambda *_: SimpleNamespace(detect=detect))
+    for source in ("path", "ldnet"):
+        found = prepare(fixed, source)
+        np.testing.assert_allclose(found.target, prepare(pair).target)
+        np.testing.assert_allclose((found.samples - shortest).toarray(), 0, atol=1e-9)
+    assert asked == [ends]
 
 
 @pytest.mark.parametrize("distance", [0.05, 0.3])
