@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import meshes
+from book.builder.references import chapters, markdown_of
 from known_surfaces import sphere
 from qclearn import read_values
 from qclearn.cli import cli, main
@@ -32,6 +33,8 @@ from qclearn.registration.transfer import frame_of_side, read_registration
 from qclearn.surfaces import units
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror, require_disk, require_outward
 from reports import REPORT
+
+ROOT = Path(__file__).resolve().parent.parent
 
 FILES = ["figure.png", "registered.surf.gii", "registration.npz", "report.json"]
 ADDED = {"inputs", "landmarks", "versions", "command"}  # by the command line
@@ -672,3 +675,22 @@ def test_a_bug_is_not_called_bad_input(folder, monkeypatch):
     monkeypatch.setattr("qclearn.io.safe.npz_arrays", lambda data, wanted: buggy(data))
     with pytest.raises(KeyError):
         run(*to_register(folder))
+
+
+def named_options(text):
+    """(command, option) of each option in a command line that a page, a message or a docstring has."""
+    text = re.sub(r'"\s*\n\s*f?"', "", text.replace("\\\n", " "))
+    for command, rest in re.findall(rf"\bqclearn ({'|'.join(cli.commands)})\b([^`\n|;&]*)", text):
+        yield from ((command, option) for option in re.findall(r"(?<=\s)--[a-z][a-z-]*", rest))
+
+
+def test_every_option_that_a_text_names_is_there():
+    pages = [markdown_of(page) for page in chapters()]
+    texts = [
+        *pages,
+        *(path.read_text(encoding="utf-8") for path in (ROOT / "README.md", *ROOT.glob("qclearn/**/*.py"))),
+    ]
+    named = {one for text in texts for one in named_options(text)}
+    known = {(name, option) for name, one in cli.commands.items() for given in one.params for option in given.opts}
+    assert len(named) > 20 and named <= known, named - known
+    assert set(named_options("`qclearn open A \\\n  --label B`")) - known == {("open", "--label")}

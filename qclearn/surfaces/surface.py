@@ -93,7 +93,7 @@ class Surface:
         if not loops:
             raise SurfaceError(
                 "the surface is closed (no boundary), where a disk is needed; cut it open along "
-                "the medial wall: open_surface(surface, mask), `qclearn open SURFACE --label FILE "
+                "the medial wall: open_surface(surface, mask), `qclearn open SURFACE --mask FILE "
                 "--out FILE`, or `qclearn register` with --cortex FILE (--control-cortex FILE for "
                 "the control)"
             )
