@@ -7,7 +7,8 @@ EXPLORABLES = ("Mobius", "Mu", "Tuner", "Sulci", "Landmarks", "LBS", "Boundary",
 TABLE = {
     "cells": ["keep", "num", "show_figure", "table"],
     "comparisons": [
-        *("chain_seconds", "compare_fronts", "compare_runs", "median_pair", "methods_and_oracles", "noted", "saving")
+        *("among_people", "chain_seconds", "compare_fronts", "compare_runs", "median_pair"),
+        *("methods_and_oracles", "noted", "saving"),
     ],
     "diagrams": ["block_diagram"],
     "dots": ["dot_lines", "plain_ticks", "run_dots"],

@@ -11,6 +11,11 @@ SHARED = ("disk maps", "landmarks")  # stages that every chain begins with
 SOLVES = ("resampling", "DBS-Net", "exact solver")  # what makes a map of a coefficient
 
 
+def among_people(rows):
+    """The rows of pairs of people: beside them stands an average, FS5."""
+    return [row for row in rows if "FS5" not in row["pair"]]
+
+
 def column(rows, run, key):
     """One figure of one run: dict pair -> number, NaN where there is none."""
     own = {row["pair"]: row.get(key) for row in rows if row["run"] == run}

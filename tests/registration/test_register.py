@@ -21,7 +21,7 @@ from qclearn.plane.mobius import best_mobius, compose_mobius, mobius
 from qclearn.registration import register as pipeline
 from qclearn.registration.curves import check_curves, detect_curves, sample_curve
 from qclearn.registration.fit import exact_map, fit_landmarks, fit_problem
-from qclearn.registration.problem import LandmarkError, Weights
+from qclearn.registration.problem import DELTA, DELTA_BY_DISKS, ETA, LandmarkError, Weights
 from qclearn.registration.transfer import transfer
 from qclearn.surfaces.conformal import ParameterizedSurface
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror
@@ -654,3 +654,8 @@ def test_values_must_be_one_a_vertex(turned):
     result, _, control, _ = turned
     with pytest.raises(ValueError, match="5 values for 589 vertices: give one a vertex"):
         transfer(np.zeros(5), result.disk_control, control.faces, result.disk_map)
+
+
+def test_its_text_has_the_default_weights():
+    stated = f"DELTA ({DELTA:g}) and ETA ({ETA:g}) with features, DELTA_BY_DISKS ({DELTA_BY_DISKS:g})"
+    assert stated in pipeline.register.__doc__

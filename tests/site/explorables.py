@@ -245,7 +245,7 @@ class InJupyterLab:
     before, code that `live` needs."""
 
     silent, ready, gap, before = (), "", 1e-9, ""
-    pytestmark = pytest.mark.xdist_group("JupyterLab, explorables")
+    pytestmark = pytest.mark.xdist_group("JupyterLab")
 
     @pytest.fixture(scope="class")
     @classmethod
