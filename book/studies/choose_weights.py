@@ -138,9 +138,7 @@ def measured(name, people):
         prepared, rows = prepare(pair), []
         sides = with_folds(prepared.problem)
         free = align_disks(replace(sides, curves=[], held=[]))
-        given = replace(
-            prepared.problem, sides=replace(sides, moving=replace(sides.moving, disk=prepared.problem.disk))
-        )
+        given = replace(prepared.problem, pair=replace(sides, moving=replace(sides.moving, disk=prepared.problem.disk)))
         ways = {"people": ["free"], "warp": ["landmarks"]}.get(name.split(",")[0], ["landmarks", "free"])
         ways = ways[:1] if name.endswith(HALVES[1]) else ways
         for setting in FOLDED + ALONE:

@@ -208,5 +208,5 @@ def prepare(pair, source="given"):
     p = samples @ own.disk.z
     once = distinct_landmarks(fitted, p, target)
     sides = SurfacePair(pair.moving, pair.control, fitted, held)
-    problem = Problem(own.disk, p[once], target[once], once // POINTS_PER_CURVE, sides=sides)
+    problem = Problem(own.disk, p[once], target[once], once // POINTS_PER_CURVE, pair=sides)
     return Prepared(problem, samples, target, target_mm, time.perf_counter() - start, notes)

@@ -110,10 +110,10 @@ def forgotten(problem):
     """The problem as it is before anything is asked of its disks."""
     moving, control = (
         replace(side, disk=unknown(side.disk))
-        for side in (problem.sides.moving, problem.sides.control)
+        for side in (problem.pair.moving, problem.pair.control)
     )
-    sides = replace(problem.sides, moving=moving, control=control)
-    return replace(problem, disk=unknown(problem.disk), sides=sides)
+    pair = replace(problem.pair, moving=moving, control=control)
+    return replace(problem, disk=unknown(problem.disk), pair=pair)
 
 
 def unknown(disk):
@@ -125,7 +125,7 @@ def checked(f, problem):
     """A method's answer as (V,) complex or, on the sphere, (V', 3) float; ValueError."""
     f = np.asarray(f)
     f = f.astype(float if f.ndim == 2 and not np.iscomplexobj(f) else complex)
-    sphere = problem.sides.moving.sphere if f.ndim == 2 else None
+    sphere = problem.pair.moving.sphere if f.ndim == 2 else None
     shape = problem.disk.z.shape if sphere is None else sphere.points.shape
     if f.shape != shape or not np.isfinite(f).all():
         count = (~np.isfinite(f)).sum()
@@ -212,7 +212,7 @@ def map_figures(pair, prepared, f, lookup, keep_field):
     off = np.linalg.norm(image.lift(image.locate(mapped)) - prepared.target_mm, axis=1)
     figures |= measures.landmark_measures(mapped if f.ndim == 1 else np.nan, prepared.target, off)
     figures |= true_errors(pair, f, image)
-    figures |= reference.held_out(pair, problem.sides, f, image)
+    figures |= reference.held_out(pair, problem.pair, f, image)
     figures |= measures.distortion_measures(moving, points)
     figures |= reference.log2_means(moving, points)
     figures |= reference.tails(moving, points)

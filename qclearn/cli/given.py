@@ -47,7 +47,7 @@ def feature_of(hemisphere, path):
     """The values of a file on the disk; FeatureError where one is not finite there."""
     given = read_map(path)
     require_side(path, given.side, hemisphere.frame.side, hemisphere.path)
-    if given.is_whole and len(given.labels or ()) > 1:  # more than Workbench's ???
+    if given.is_integer and len(given.labels or ()) > 1:  # more than Workbench's ???
         raise FeatureError(f"{path}: holds labels, no measure; give it to --annot")
     values = hemisphere.numbering.on_cut_surface(given.values, path)
     finite = np.isfinite(values.reshape(len(values), -1)).all(axis=1)

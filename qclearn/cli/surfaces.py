@@ -101,7 +101,7 @@ def transfer(registration, values, to, nearest, hemisphere, wall, out):
     source = "control" if to == "moving" else "moving"
     given = read_map(values)
     require_side(values, given.side, sides[source], f"the {source} surface")
-    if given.is_whole and not nearest:
+    if given.is_integer and not nearest:
         raise ValueError(
             f"{values}: holds whole numbers, which interpolation would blend into others; add "
             "--nearest to carry them as labels, or save them with a decimal point (as floats) to "
@@ -111,7 +111,7 @@ def transfer(registration, values, to, nearest, hemisphere, wall, out):
     carried = transfer_map(here, z[source], arrays[f"faces_{source}"], z[to], nearest)
     side = agreed(hemisphere, sides[to], f"the {to} surface")
     labels = given.labels if nearest else None
-    carried = Map(carried, side, labels, given.names, given.whole)
+    carried = Map(carried, side, labels, given.names, given.integer)
     count = write_carried(out, carried, numberings[to], wall)
     on_cortex = f", {len(z[to])} on its cortex" if count > len(z[to]) else ""
     say(f"{out}: {count} values on the {to} surface{on_cortex}")
@@ -122,7 +122,7 @@ def transfer(registration, values, to, nearest, hemisphere, wall, out):
 def write_carried(out, carried, numbering, wall):
     """Write a `Map` of a disk, for the whole surface if that is known; the number of values."""
     beside = Path(out).with_name("cortex.shape.gii")
-    if wall == "nan" and carried.is_whole:
+    if wall == "nan" and carried.is_integer:
         raise ValueError("--wall nan: labels are whole numbers; leave it out")
     if wall == "nan" and not numbering.known:
         raise ValueError(
@@ -135,7 +135,7 @@ def write_carried(out, carried, numbering, wall):
     require_same(out, beside, cortex)
     labels = carried.labels or {}
     fill = np.nan if wall == "nan" else nothing_key(labels) if labels else 0
-    fill = np.where(carried.whole, fill, 0) if carried.whole else fill
+    fill = np.where(carried.integer, fill, 0) if carried.integer else fill
     qc.write_values(out, numbering.on_whole(carried.values, fill), *carried[1:])
     qc.write_values(beside, cortex, carried.side, names=["cortex"])
     return numbering.count

@@ -110,7 +110,7 @@ def aligned(subject, mean, near=False):
     """
     best = mobius_by_features(Features(subject, mean), subject.disk.z, near)
     moved = apply_mobius(subject, best)
-    if not moved.whole:
+    if not moved.is_embedded:
         raise FeatureError(
             "the features pull its disk onto the rim; check that they are those of the others"
         )

@@ -172,11 +172,11 @@ def values_of(image):
     if any(meshes) or not arrays or len({array.shape for array in arrays}) > 1:
         advice = "give a .func.gii, .shape.gii or .label.gii"
         raise SurfaceError(f"holds no maps of one value a vertex; {advice}")
-    whole = [array.dtype.kind != "f" for array in arrays]
+    integer = [array.dtype.kind != "f" for array in arrays]
     values = arrays[0] if len(arrays) == 1 else np.stack(arrays, axis=-1)
     for array in image.get_arrays_from_intent(_NODE_INDEX):
         values = _placed(values, np.ravel(array.data))
-    return values, whole if len(set(whole)) > 1 else None
+    return values, integer if len(set(integer)) > 1 else None
 
 
 def _as_labels(array, named):
@@ -312,14 +312,14 @@ def values_bytes(columns, side, labels, names):
     """The bytes of named maps, k of (V,), float32 or int32; int32 with `labels` are labels."""
     meta = GiftiMetaData(_structure(side))
     table = nib.GiftiLabelTable()
-    whole = "NIFTI_INTENT_NONE"
+    of_integers = "NIFTI_INTENT_NONE"
     if labels:
         raised, entries = _from_zero(labels)
         columns = [raised(column) if column.dtype.kind == "i" else column for column in columns]
-        whole = "NIFTI_INTENT_LABEL"
+        of_integers = "NIFTI_INTENT_LABEL"
         table.labels = [_label(key, *entry) for key, entry in sorted(entries.items())]
     named = [{"Name": name} for name in names] if names else [{}] * len(columns)
-    intents = {"f": "NIFTI_INTENT_SHAPE", "i": whole}
+    intents = {"f": "NIFTI_INTENT_SHAPE", "i": of_integers}
     arrays = [_array(one, intents[one.dtype.kind], own) for one, own in zip(columns, named)]
     return _bytes_of(GiftiImage(meta=meta, labeltable=table, darrays=arrays))
 

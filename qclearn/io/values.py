@@ -77,26 +77,26 @@ class Map(NamedTuple):
     """What a per-vertex file holds: values (V,) or (V, k), and, or None, what it says of them.
 
     side: "left" or "right"; labels: key -> (name, (r, g, b, a) from 0 to 1); names: of the maps;
-    whole: which of the k maps hold whole numbers, where others, floats, stand beside them.
+    integer: which of the k maps hold whole numbers, where others, floats, stand beside them.
     """
 
     values: np.ndarray
     side: str | None = None
     labels: dict | None = None
     names: list | None = None
-    whole: list | None = None
+    integer: list | None = None
 
     @property
-    def is_whole(self):
+    def is_integer(self):
         """Whether a map is of a type of whole numbers, as labels are."""
-        return self.values.dtype.kind in "biu" or bool(self.whole)
+        return self.values.dtype.kind in "biu" or bool(self.integer)
 
     @property
     def may_be_labels(self):
         """Whether a map, of floats, holds whole numbers alone, and several."""
         columns = self.values.reshape(len(self.values), -1).T
         sets = [np.unique(column[np.isfinite(column)]) for column in columns]
-        return not self.is_whole and any(len(one) > 1 and not (one % 1).any() for one in sets)
+        return not self.is_integer and any(len(one) > 1 and not (one % 1).any() for one in sets)
 
 
 def read_label(path):
@@ -151,8 +151,8 @@ def _read_gifti(path, data):
     names = [array.meta.get("Name", "") for array in gifti.maps_of(image)]
     side = agreed_side(path, gifti.side_of_image(image))
     labels = gifti.labels_of(image) or None
-    values, whole = gifti.values_of(image)
-    return Map(values, side, labels, names if all(names) else None, whole)
+    values, integer = gifti.values_of(image)
+    return Map(values, side, labels, names if all(names) else None, integer)
 
 
 def _read_annot(path, data):
@@ -176,7 +176,7 @@ def write_values(
     side: str | None = None,
     labels: dict | None = None,
     names: list | None = None,
-    whole: list | None = None,
+    integer: list | None = None,
 ) -> None:
     """Write values (V,) or (V, k), whole or not at all, in the format of the path's suffix.
 
@@ -184,7 +184,7 @@ def write_values(
     .annot take (V,) alone. A GIFTI gets the hemisphere, side = "left" or "right" (else by its
     name), names of the k maps (else by its name), and for integers the table `labels`, key ->
     (name, (r, g, b, a) from 0 to 1), as an .annot does. Key -1, none, becomes 0 in a .label.gii.
-    whole: which of k maps of floats a GIFTI holds as integers.
+    integer: which of k maps of floats a GIFTI holds as integers.
     SurfaceError where format, numbers or folder do not allow it.
     """
     path = Path(path)
@@ -199,7 +199,7 @@ def write_values(
     if suffix == ".gii":
         names = names or gifti.names_of(path, values)
         columns = list(_fitting(path, values).reshape(len(values), -1).T)
-        for k in np.flatnonzero(whole or []):
+        for k in np.flatnonzero(integer or []):
             columns[k] = _fitting(path, values[:, k].astype(np.int64))
         with explain(path, "label table"):
             is_metric = any(part.lower() in (".func", ".shape") for part in path.suffixes)
@@ -218,7 +218,7 @@ def write_values(
     elif suffix in (".npy", ".txt"):
         write_whole(path, lambda place: _WRITERS[suffix](place, values), values.nbytes)
     elif suffix in _MAP_SUFFIXES or is_freesurfer_name(path, suffix):
-        numbers = _fitting(path, values, whole=False)
+        numbers = _fitting(path, values, integer=False)
         write = nibabel.freesurfer.write_morph_data
         write_whole(path, lambda place: write(place, numbers), numbers.nbytes)
     else:
@@ -232,20 +232,22 @@ def _require_known(path, suffix, done):
         raise SurfaceError(f"{path}: {known} files are not {done} here; {_REFUSED[known]}")
 
 
-def _fitting(path, values, whole=True):
-    """Values as int32 or float32 (whole=False: float32 alone); SurfaceError where one changes."""
-    if values.ndim == 2 and not whole:
+def _fitting(path, values, integer=True):
+    """Values as int32 or float32 (integer=False: float32 alone); SurfaceError where one changes."""
+    if values.ndim == 2 and not integer:
         message = f"morphometry holds one map, not {values.shape[1]}"
         raise SurfaceError(f"{path}: {message}; choose .mgh or .func.gii")
     integers = values.dtype.kind in "biu"
-    largest = np.iinfo(np.int32).max if whole else 1 << 24  # float32 has every integer up to there
+    largest = (
+        np.iinfo(np.int32).max if integer else 1 << 24
+    )  # float32 has every integer up to there
     largest = largest if integers else float(np.finfo(np.float32).max)
     bad = np.argwhere(np.isfinite(values) & ((values > largest) | (values < -largest)))
     if bad.size:
         value = values[tuple(bad[0])]
         message = f"{value} at vertex {bad[0][0]} does not fit the format (up to {largest:.10g})"
         raise SurfaceError(f"{path}: {message}; choose .npy or .txt")
-    return values.astype(np.int32 if integers and whole else np.float32)
+    return values.astype(np.int32 if integers and integer else np.float32)
 
 
 def _keys(path, values):

@@ -13,8 +13,8 @@ class BijectivityError(ValueError):
 
 
 class RepairWarning(UserWarning):
-    """The result is certified, but only after steps that depart from the plain method; the message
-    says which."""
+    """The result was reached by steps that depart from the plain method, or has faces that stay
+    flipped; the message says which."""
 
 
 def check_bijective(z: PerVertex, faces: Faces, f: PerVertex) -> Certificate:

@@ -1,5 +1,5 @@
-"""Checks of planar meshes, their maps, coefficients and pins; a BeltramiError names what is
-wrong."""
+"""Checks of planar meshes, their maps, coefficients and pins, and the two errors that name what is
+wrong: with these (BeltramiError), or with a surface or its file (SurfaceError)."""
 
 import numpy as np
 

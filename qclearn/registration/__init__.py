@@ -4,18 +4,18 @@
 - curves: landmark curves, read, sampled, detected, checked.
 - features: depth, curvature and maps of one's own; disks aligned by them.
 - pair: two surfaces with their disks, aligned, and the landmarks sampled on both.
-- diagnose: wrong landmarks told before the fit, and suspect maps after it; all limits.
+- diagnose: wrong landmarks told before the fit, suspect maps after it, and the limits of both.
 - problem: what a fit is given: landmarks, targets, weights and their defaults.
 - fit: where a fit starts, what it falls back to, and its certificate.
 - multiresolution: the meshes of a fit, from coarse to fine; how many steps each takes, when it
   ends.
 - gauss_newton, residuals: the objective, one step on one mesh, and the terms that it lowers.
-- networks, refinement: maps that networks predict, checked, and refined by the exact solver.
+- networks: maps that networks predict, checked, and replaced or fitted further where they fail.
 - metrics, report: errors, distortion, held-out curves, Dice.
 - uncertainty: the error radius.
 
-And after it: transfer (values carried, result files), sphere (maps for other programs), and
-landmark_sources (curves of `qclearn landmarks`).
+Beside it: transfer (values carried, result files), sphere (maps for other programs), refinement
+(inside CP-Net), and landmark_sources (curves of `qclearn landmarks`).
 """
 
 import lazy_loader as lazy

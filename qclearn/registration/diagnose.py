@@ -296,8 +296,9 @@ def listed(names):
 
 
 def differing_walls(moving, control):
-    """`walls:` where two hemispheres were cut open by different rules. Folds change a surface's
-    area and not its length: the gap's area over the squared length is what compares."""
+    """A message for `fallbacks`, `walls:`, where two hemispheres were cut open by different rules.
+    Folds change a surface's area and not its length: the gap's area over the squared length is what
+    compares."""
     surfaces = moving, control
     if not all(size_of(surface).unit for surface in surfaces):
         return

@@ -177,7 +177,7 @@ class Features:
     """
 
     def __init__(self, moving, control, weights=None):
-        self.sides = moving.smoothing, control.smoothing
+        self.smoothings = moving.smoothing, control.smoothing
         self.names, self.areas = moving.smoothing.names, moving.vertex_shares
         self.disk = control.disk
         weights = np.ones(len(self.names)) if weights is None else np.array(weights)
@@ -185,12 +185,12 @@ class Features:
 
     def at(self, sigma):
         """Both sides' features at scale sigma, standardised: (V, C) and (W, C)."""
-        return tuple(side.at(sigma) for side in self.sides)
+        return tuple(one.at(sigma) for one in self.smoothings)
 
     def judges(self, sigma):
         """The moving vertices at which features of a scale are compared, as of `Smoothing.few`, and
         their shares of the area (N,)."""
-        some, spread = self.sides[0].few(sigma)
+        some, spread = self.smoothings[0].few(sigma)
         return some, self.areas if spread is None else spread.T @ self.areas
 
     def correlation(self, f, sigma=FINEST):
@@ -209,11 +209,11 @@ class Directions(Features):
     """
 
     def __init__(self, features, moving, control):
-        self.sides, self.disk, self.areas = features.sides, features.disk, features.areas
+        self.smoothings, self.disk, self.areas = features.smoothings, features.disk, features.areas
         self.feature_weights = np.ones(3) / 3
         here, there = (
             crude_sphere(surface, side.few(ROUND)[1])
-            for surface, side in zip((moving, control), features.sides)
+            for surface, side in zip((moving, control), features.smoothings)
         )
         search = RotationSearch(features, there)
         self.mirrored_r, _ = search.best(here * [-1, 1, 1])
@@ -231,7 +231,7 @@ class RotationSearch:
     def __init__(self, features, there):
         here, values = features.at(SCALE)
         self.some = np.random.default_rng(0).choice(len(here), POINTS, p=features.areas)
-        few, _ = features.sides[1].few(SCALE)
+        few, _ = features.smoothings[1].few(SCALE)
         self.here, self.values = here[self.some] * features.feature_weights / POINTS, values[few]
         # Many rotations ask for the nearest vertex to each cell of a grid on the sphere.
         cells = np.indices((2 * CELLS + 1,) * 3).reshape(3, -1).T / CELLS - 1

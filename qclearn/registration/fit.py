@@ -17,7 +17,7 @@ J: the areal scale from surface to surface. The residuals' derivative is D (gaus
 What is minimised is the energy of nu; what is reported, L_mu and L_grad_mu, is that of mu = T(nu).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -81,10 +81,10 @@ class CheckedMap:
 class LandmarkFit(CheckedMap):
     """Result of `fit_landmarks`: a `CheckedMap` and how the fit came to it.
 
-    steps: Gauss-Newton steps on the polar mesh and on the given one; losses: L_mu, L_grad_mu,
-    L_Landmark, L_CP of the coefficient field, L_features and L_area; r: feature -> correlation
-    after the best Möbius map and after this one; start_message: which of two starts the fit of
-    features without landmarks went on from.
+    steps: Gauss-Newton steps on the polar mesh and on the given one, or with features those of each
+    level; losses: L_mu, L_grad_mu, L_Landmark, L_CP of the coefficient field, L_features and
+    L_area; r: feature -> correlation after the best Möbius map and after this one; start_message:
+    which of two starts the fit of features without landmarks went on from.
     """
 
     steps: tuple
@@ -105,7 +105,6 @@ def fit_landmarks(
     sliding: bool = False,
     start: Complex[ndarray, " F"] | None = None,
     rings: int | None = None,
-    watch: Callable | None = None,
     enough: float = 0.0,
 ) -> LandmarkFit:
     """The quasi-conformal disk map that takes landmarks `moving` to `target`: a LandmarkFit, whose
@@ -117,18 +116,17 @@ def fit_landmarks(
     does not help, the Möbius map is returned; see `fallbacks`. z (V,): boundary on the unit circle;
     moving, target (M,): in the closed disk; curve (M,): labels, points of a curve in order;
     sliding: inner points of a curve may move along the target curve; start: mu (F,) to begin from;
-    rings: of the polar mesh of nu (None: by the mesh's size); watch() is called before each step
-    and may raise to stop it; enough: landmark error below which no further step is taken on the
-    mesh (0: steps until they settle). Errors: LandmarkError, BeltramiError, SurfaceError. Source:
-    paper, eq. RegLoss; Gauss-Newton in its dual form.
+    rings: of the polar mesh of nu (None: by the mesh's size); enough: landmark error below which no
+    further step is taken on the mesh (0: steps until they settle). Errors: LandmarkError,
+    BeltramiError, SurfaceError. Source: paper, eq. RegLoss; Gauss-Newton in its dual form.
     """
     problem = Problem(Disk(z, faces), moving, target, curve, sliding)
-    return fit_problem(problem, Weights(alpha, beta, gamma), start, rings, watch, enough)
+    return fit_problem(problem, Weights(alpha, beta, gamma), start, rings, enough)
 
 
 # On matrices of this size BLAS threads wait for each other: up to five times slower.
 @threadpool_limits.wrap(limits=1)
-def fit_problem(problem, weights, start_mu=None, rings=None, watch=None, enough=0.0):
+def fit_problem(problem, weights, start_mu=None, rings=None, enough=0.0):
     """`fit_landmarks` of a `Problem` with `Weights`; start_mu: its `start`."""
     if rings is not None and not (isinstance(rings, (int, np.integer)) and rings >= FEWEST_RINGS):
         raise LandmarkError(
@@ -138,13 +136,13 @@ def fit_problem(problem, weights, start_mu=None, rings=None, watch=None, enough=
     # From a coarse polar mesh to the caller's own.
     levels = landmark_levels(problem.disk, rings or rings_for(problem.disk))
     objective, state, steps = MultiresolutionFit(problem).run(
-        levels, weights, start_mu, watch=watch, enough=enough
+        levels, weights, start_mu, enough=enough
     )
     fit = report_fit(objective, state, (sum(steps[:-1]), steps[-1]))
     mobius_state = objective.at_mobius(problem.mobius)
     if above_mobius(objective, state, mobius_state):
         # Landmarks alone need no guiding levels, so that steps on the last one may succeed.
-        fit = restart_from_mobius(objective, fit, mobius_state, levels[-1], watch)
+        fit = restart_from_mobius(objective, fit, mobius_state, levels[-1])
     return note_spent_work(objective, fit, mobius_state)
 
 
@@ -154,16 +152,14 @@ def fit_registration(
     weights: Weights,
     features: Features,
     start: Complex[ndarray, " F"] | None = None,
-    watch: Callable | None = None,
     levels: Sequence | None = None,
 ) -> LandmarkFit:
     """The disk map of a `Problem` that takes landmarks and `Features` to theirs, with `Weights`
     (delta > 0): LandmarkFit.
 
     Gauss-Newton from coarse features on a coarse mesh to fine ones on the problem's own; `r` of the
-    result has the features' correlations. start: mu (F,) on the faces to begin from; watch() is
-    called before each step and may raise to stop it. A problem without landmarks begins at the
-    identity: align its disk by features first.
+    result has the features' correlations. start: mu (F,) on the faces to begin from. A problem
+    without landmarks begins at the identity: align its disk by features first.
     """
     if not weights.delta > 0:
         raise LandmarkError(
@@ -180,10 +176,10 @@ def fit_registration(
     guiding = [level for level in polar if (level.sigma or 0) >= COARSE_MM]
     if weights.eta and guiding and start is None and not len(problem.moving):
         (objective, state, steps), start_message = better_of_two_starts(
-            multiresolution, guiding, polar, levels[len(polar) :], weights, features, watch
+            multiresolution, guiding, polar, levels[len(polar) :], weights, features
         )
     else:
-        objective, state, steps = multiresolution.run(levels, weights, start, features, watch)
+        objective, state, steps = multiresolution.run(levels, weights, start, features)
     fit = replace(report_fit(objective, state, steps), start_message=start_message)
     mobius_state = objective.at_mobius(problem.mobius)
     if above_mobius(objective, state, mobius_state):
@@ -196,7 +192,7 @@ def fit_registration(
     return replace(fit, r=dict(zip(features.names, map(list, r))))
 
 
-def better_of_two_starts(multiresolution, guiding, polar, fine, weights, features, watch):
+def better_of_two_starts(multiresolution, guiding, polar, fine, weights, features):
     """The `Progress` of a fit without landmarks, and a message on its start.
 
     Where two surfaces are cut elsewhere their disks differ by more than a Möbius map, and folds
@@ -207,14 +203,14 @@ def better_of_two_starts(multiresolution, guiding, polar, fine, weights, feature
     problem, z = multiresolution.problem, multiresolution.problem.disk.z
 
     def run(levels, resumed=None):
-        return multiresolution.run(levels, weights, None, features, watch, resumed=resumed)
+        return multiresolution.run(levels, weights, None, features, resumed=resumed)
 
     # The crude spheres lead the map from their best Möbius map on.
-    directions = problem.sides.directions
+    directions = problem.pair.directions
     leading = multiresolution.objective(guiding[0], weights, directions)
     nothing = np.zeros(len(leading.coefficient_mesh.mesh.z), complex)
     state = leading.at(nothing, best_by_features(directions, z, PLACED))
-    state, _ = run_level(leading, state, guiding[0], watch)
+    state, _ = run_level(leading, state, guiding[0])
     apart = features.areas @ abs(leading.discretization.sampling @ state.f - z)
     best = run(guiding, Progress(leading, state))
     message = f"by crude spheres, {apart:.2g} in the disk from the best Möbius map of features"
@@ -265,12 +261,12 @@ def above_mobius(objective, state, mobius_state):
     )
 
 
-def restart_from_mobius(objective, fit, mobius_state, level, watch):
+def restart_from_mobius(objective, fit, mobius_state, level):
     """A second fit, by steps of a level from the best Möbius map, in place of one that ended above
     that map; `mobius_instead` where the second fit ends above it, too."""
     objective.work = 0.0  # the restart may take as much as the fit before it
     start_state = objective.at(mobius_state.nu, mobius_state.mobius)
-    state, taken = run_level(objective, start_state, level, watch)
+    state, taken = run_level(objective, start_state, level)
     steps = fit.steps[0], fit.steps[1] + taken
     second = report_fit(objective, state, steps)
     if second.bijective and not above_mobius(objective, state, mobius_state):

@@ -5,8 +5,8 @@ r of the mapped mesh, `dr = Re(conj(R) dw)`, from landmarks, features and areas.
 linearises r at a `State`, solves the quadratic model, and searches along the solution.
 
 Three classes solve the model; `propose()` returns a `Change`. `DirectStep` (landmarks on the
-polar mesh) holds the whole derivative D of r by nu. `DualStep` (landmarks) and `PrimalStep`
-(features or areas) are for large meshes: they multiply by D through `pushforward` and by its
+polar mesh) holds the whole derivative D of r by nu. `DualStep` (landmarks on another mesh) and
+`PrimalStep` (features or areas, on any mesh) multiply by D through `pushforward` and by its
 transpose through `pullback`, two solves of the map's equations per product, in conjugate gradients.
 The landmarks' rows of D, in closed form, precondition these, and the products of one step correct
 the preconditioner of the next.
@@ -260,9 +260,9 @@ def corrected(gram, products, gamma):
     Y, exact = (np.stack(side, axis=1) for side in zip(*products))
     sizes = np.linalg.norm(Y, axis=0)
     Y, parts, turned = np.linalg.svd(Y / sizes, full_matrices=False)
-    whole = parts > INDEPENDENT * parts[0]  # many steps repeat their directions
-    Y = Y[:, whole]
-    turned = (turned[whole] / parts[whole, None]).T
+    kept = parts > INDEPENDENT * parts[0]  # many steps repeat their directions
+    Y = Y[:, kept]
+    turned = (turned[kept] / parts[kept, None]).T
     known = (gram + one) @ Y
     exact = (exact / sizes @ turned + Y) / gamma
     old, new = (side @ np.linalg.solve(Y.T @ side, side.T) for side in (known, exact))
@@ -316,7 +316,7 @@ class PrimalStep(ProductStep):
         slope = -self.prior(self.nu) - self.adjoint(self.residual)
         solve = conjugate_gradients(product, self.precondition, slope, directions)
         x, rest, first = next(solve)
-        for x, rest, size in islice(solve, PRIMAL_STEPS):  # noqa: B007, the last ones are the answer
+        for x, rest, size in islice(solve, PRIMAL_STEPS):  # noqa: B007, the last count
             if size <= self.accuracy**2 * first or self.objective.spent:
                 break
         promised = self.model() - x @ (slope + rest)
@@ -368,7 +368,7 @@ class Discretization:
     def mass_by_area(self):
         """`S^T diag(w) S`, S from nu's mesh to the moving vertices, w their shares of the moving
         surface's area."""
-        meshes, moving = self.coefficient_mesh, self.problem.sides.moving
+        meshes, moving = self.coefficient_mesh, self.problem.pair.moving
         same = meshes.disk is meshes.mesh
         S = self.sampling if same else meshes.mesh.sampling(moving.disk.z)
         return (S.T @ sparse.diags_array(moving.vertex_shares) @ S).tocsc()
@@ -377,7 +377,7 @@ class Discretization:
     def moving_to_mapped(self):
         """Sparse (F, G): the shares of their area of the G moving faces, in the rows of the F faces
         of the mapped mesh that hold these."""
-        moving, mapped = self.problem.sides.moving, self.coefficient_mesh.disk
+        moving, mapped = self.problem.pair.moving, self.coefficient_mesh.disk
         shares = moving.face_shares
         columns = np.arange(len(shares))
         rows = columns if mapped is moving.disk else mapped.locate(moving.disk.centroids)[0]
@@ -388,7 +388,7 @@ class Discretization:
         """The moving area's shares (F,) in the mapped faces, and means (F,) there of values (V,) of
         its vertices."""
         shares = self.moving_to_mapped.sum(1)
-        sums = self.moving_to_mapped @ values[self.problem.sides.moving.disk.faces].mean(1)
+        sums = self.moving_to_mapped @ values[self.problem.pair.moving.disk.faces].mean(1)
         return shares, np.divide(sums, shares, out=np.zeros(len(sums)), where=shares > 0)
 
     @cached_property
@@ -537,8 +537,8 @@ class GaussNewtonObjective:
         """
         before = self.value(state, gamma)
         linearised = self.linearise(state, gamma)
-        whole = linearised.propose()
-        gain = before - whole.promised
+        full = linearised.propose()
+        gain = before - full.promised
         if gain < min_predicted_decrease * before:
             return None
         tried = []  # (objective, state)
@@ -554,7 +554,7 @@ class GaussNewtonObjective:
             return tried[-1]
 
         for share in SHARES:
-            value, after = attempt(whole, share)
+            value, after = attempt(full, share)
             if before - value > SUFFICIENT_DECREASE * (2 * share - share**2) * gain:
                 return replace(after, preconditioner=linearised.preconditioner)
             if self.spent:

@@ -2,7 +2,7 @@
 from a coarse polar mesh to the caller's own, and `run_level` takes the Gauss-Newton steps of one.
 
 On a polar mesh nu and the map are cheap, and features are smooth: steps there find the right
-valley. The last level maps the caller's mesh.
+valley. The last levels map the caller's mesh.
 """
 
 from dataclasses import replace
@@ -31,12 +31,14 @@ STALL_RATIO_ON_GRID = 0.95
 
 # A rising level takes one step at each power of ten from here to its gamma.
 FIRST_GAMMA = 1e2
-# Until the last level: a large gamma tears the map to the landmarks before features can lead it.
+# At most, on polar meshes: a large gamma tears the map to the landmarks before features can lead
+# it.
 GUIDING_GAMMA = 1e2
-# At most, from the scale COARSE_MM up: a large delta tears the map to the nearest folds.
+# At most, on polar meshes from the scale COARSE_MM up: a large delta tears the map to the nearest
+# folds.
 GUIDING_DELTA = 0.3
 COARSE_MM = 16.0
-# At most, with areas above the finest scale: larger ones lead to the wrong valleys.
+# At most, with areas on polar meshes above the finest scale: larger ones lead to the wrong valleys.
 AREAS_DELTA = 1.0
 AREAS_ETA = 0.1
 
@@ -96,6 +98,12 @@ def guided(rings, sigma, steps):
     return Level(rings, sigma, steps, stall_ratio=STALL_RATIO_ON_GRID, most_gamma=GUIDING_GAMMA)
 
 
+def on_own_mesh(rings, sigma, steps, **more):
+    """A level on the caller's own mesh."""
+    least = MIN_DECREASE
+    return Level(rings, sigma, steps, own_mesh=True, min_predicted_decrease=least, **more)
+
+
 def with_proxy(level):
     """A level on the own mesh as two: on the proxy mesh, and on the own one where that is not
     enough."""
@@ -109,8 +117,8 @@ GUIDES = (guided(16, 32.0, 4), guided(16, 16.0, 4), guided(24, 8.0, 3), guided(3
 # The caller's own mesh, with all its areas, takes the place of the last guide.
 LEVELS = (
     *GUIDES[:-1],
-    Level(32, 8.0, 4, True, MIN_DECREASE, STALL_RATIO_ON_GRID),
-    Level(32, FINEST, 10, True, MIN_DECREASE, STALL_RATIO),
+    on_own_mesh(32, 8.0, 4, stall_ratio=STALL_RATIO_ON_GRID),
+    on_own_mesh(32, FINEST, 10, stall_ratio=STALL_RATIO),
 )
 # Above LARGE vertices a step on the own mesh costs ten times as much and gains little more.
 LARGE_LEVELS = (*GUIDES, *with_proxy(LEVELS[-1]))
@@ -127,7 +135,7 @@ def landmark_levels(disk, rings):
     # would bend nu after it. On the tests' smooth problems that costs up to a step more there and
     # ends up to 3 % higher in L_CP.
     coarse = Level(rings // 2, None, 5, gamma_factor=0.1, rising=True)
-    own = Level(rings, None, 24, True, MIN_DECREASE)
+    own = on_own_mesh(rings, None, 24)
     return [coarse, *(with_proxy(own) if len(disk.z) > LARGE else [own])]
 
 
@@ -160,10 +168,10 @@ class MultiresolutionFit:
 
     def objective(self, level, weights, features=None):
         """The `GaussNewtonObjective` of one level."""
-        pair = self.problem.sides
+        pair = self.problem.pair
         if weights.eta and pair is None:
             raise LandmarkError(
-                f"eta = {weights.eta:g}: areas belong to surfaces; give the problem its sides, or "
+                f"eta = {weights.eta:g}: areas belong to surfaces; give the problem its pair, or "
                 "eta = 0"
             )
         discretization, weights = self.discretization(level), level.weights(weights)
@@ -194,19 +202,17 @@ class MultiresolutionFit:
     def density(self, name, sigma):
         """A side's density at a scale, as `Smoothing.density`, cached."""
         if (name, sigma) not in self.densities:
-            side = getattr(self.problem.sides, name)
+            side = getattr(self.problem.pair, name)
             smoothing = side.smoothing
             if smoothing is None:
                 smoothing = Smoothing(side.surface, (), side.surface.vertices[:, :0], side.disk)
             self.densities[name, sigma] = smoothing.density(sigma, side.disk)
         return self.densities[name, sigma]
 
-    def run(
-        self, levels, weights, start_mu=None, features=None, watch=None, enough=0.0, resumed=None
-    ):
+    def run(self, levels, weights, start_mu=None, features=None, enough=0.0, resumed=None):
         """The `Progress` after the steps of these levels, with the steps of these alone.
 
-        start_mu: mu (F,) to begin from, or None; resumed: `Progress` to go on from instead; watch,
+        start_mu: mu (F,) to begin from, or None; resumed: `Progress` to go on from instead;
         enough: of `run_level`.
         """
         objective, state = resumed[:2] if resumed else (None, None)
@@ -227,7 +233,7 @@ class MultiresolutionFit:
             before = None  # with its factors, which make room for those of this level
             taken = 0
             if not (limit > 0 and objective.value(state, weights.gamma) <= limit):
-                state, taken = run_level(objective, state, level, watch, enough)
+                state, taken = run_level(objective, state, level, enough)
             steps.append(taken)
         return Progress(objective, state, tuple(steps))
 
@@ -256,19 +262,17 @@ def polar_mesh(rings):
     return CoefficientMesh(polar(rings), polar(rings))
 
 
-def run_level(objective, state, level, watch=None, enough=0.0):
+def run_level(objective, state, level, enough=0.0):
     """(state, steps) after the steps of one level.
 
     They end where one promises or gains too little, where the work is spent, or where the landmark
-    error falls below `enough` (not on a rising level); watch() is called before each.
+    error falls below `enough` (not on a rising level).
     """
     gamma = objective.weights.gamma
     low = min(FIRST_GAMMA, gamma) if level.rising and not state.nu.any() else gamma
     gammas = [*10.0 ** np.arange(np.log10(low), np.log10(gamma) - 1e-9), *[gamma] * level.steps]
     values = [np.inf, objective.value(state, gamma)]
     for steps, step_gamma in enumerate(gammas):
-        if watch:
-            watch()
         if objective.spent:
             return state, steps
         after = None

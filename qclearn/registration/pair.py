@@ -72,7 +72,7 @@ def align_disks(pair):
         return replace(pair, moving=align(pair.moving, pair.control, pair.curves))
     parameters = mobius_by_features(pair.features, pair.moving.disk.z)
     moving = apply_mobius(pair.moving, parameters)
-    if not moving.whole:
+    if not moving.is_embedded:
         raise FeatureError(
             "the features pull the moving disk onto its rim; give a landmark curve or two"
         )
@@ -91,7 +91,7 @@ def align(moving, control, curves):
         p.append(sample_curve(moving.surface, curve.moving, count) @ moving.disk.z)
         q.append(sample_curve(control.surface, curve.control, count) @ control.disk.z)
     aligned = apply_mobius(moving, best_mobius(np.concatenate(p), np.concatenate(q)))
-    if not aligned.whole:
+    if not aligned.is_embedded:
         raise LandmarkError(
             f"curve {farthest_curve(curves, p, q)!r} pulls the moving disk onto its rim: no room "
             "is left for the rest; check this curve's ends on both sides, keep them off the rim, "
@@ -121,7 +121,7 @@ def sample_landmarks(pair, detect=None, sliding=False):
     control = pair.control
     held, _ = lines_by_name(pair, pair.held)
     if not pair.curves:
-        problem = Problem(moving.disk, [], [], fewest=0, sides=pair)
+        problem = Problem(moving.disk, [], [], fewest=0, pair=pair)
         return SampledLandmarks(problem, (), problem.mobius, {}, held, [])
     lines, messages = lines_by_name(pair, pair.curves, detect)
     lines_moving, lines_control = zip(*lines.values())
@@ -130,7 +130,7 @@ def sample_landmarks(pair, detect=None, sliding=False):
     q = samples[1] @ control.disk.z
     # A point that curves share is one landmark of the fit.
     once = distinct_landmarks(pair.curves, p, q)
-    problem = Problem(moving.disk, p[once], q[once], once // POINTS_PER_CURVE, sliding, sides=pair)
+    problem = Problem(moving.disk, p[once], q[once], once // POINTS_PER_CURVE, sliding, pair=pair)
     return SampledLandmarks(problem, samples, best_mobius(p, q), lines, held, messages)
 
 

@@ -28,8 +28,8 @@ class Weights:
     surface's area, else over its disk's.
 
     The defaults, DELTA and ETA were chosen on real pairs and known truths:
-    book/studies/choose_weights.py, results/weights.json. LandmarkError unless alpha > 0, beta >= 0,
-    gamma > 0, delta >= 0 and eta >= 0 are finite.
+    book/studies/choose_weights.py, qclearn/benchmark/results/weights.json. LandmarkError unless
+    alpha > 0, beta >= 0, gamma > 0, delta >= 0 and eta >= 0 are finite.
     """
 
     alpha: float = 1.0
@@ -63,7 +63,7 @@ class Problem:
     disk: the moving surface's `Disk`, its boundary on the unit circle; moving, target (M,) complex:
     landmarks p in that disk and q in the control's; curve (M,) int: which curve each belongs to, in
     order; sliding: inner points of a curve may move along their target curve, where a method can
-    let them; fewest: how many landmarks there must be; sides: the `SurfacePair` of pair.py
+    let them; fewest: how many landmarks there must be; pair: the `SurfacePair` of pair.py
     for methods that look at folds or areas, or None; its moving surface is the disk's. A method
     returns f (V,) complex: where each vertex lies in the control's disk. LandmarkError for unusable
     landmarks.
@@ -75,7 +75,7 @@ class Problem:
     curve: np.ndarray = field(default=None)
     sliding: bool = False
     fewest: int = 1
-    sides: object = None
+    pair: object = None
 
     def __post_init__(self):
         landmarks = check_landmarks(self.moving, self.target, self.curve, self.sliding, self.fewest)

@@ -28,7 +28,7 @@ BACK = 0.4
 @dataclass(frozen=True, eq=False)
 class Proposal:
     """A field nu (N,) on the polar mesh that is not solved for yet, and its whitened coefficients
-    x; cut: whether it is less than a whole step; left (2 M,): what the step would leave of the
+    x; cut: whether it is less than a full step; left (2 M,): what the step would leave of the
     residual, to first order."""
 
     nu: np.ndarray
@@ -75,17 +75,17 @@ class CoefficientRefinement:
         """(proposal, best iterate so far) before the first and after each of `count` iterations,
         one exact map each; start: nu (N,), or None for one step from nu = 0."""
         best, share = self.at_zero(), 1.0
-        whole = proposal = self.step(best) if start is None else self.proposal(start)
+        full = proposal = self.step(best) if start is None else self.proposal(start)
         yield proposal, best
         for _ in range(count):
             mu = self.coefficient_mesh.coefficient(proposal.nu)
             iterate = self.iterate(proposal, self.coefficient_mesh.solver.solve(mu))
             if iterate.objective < RISE * best.objective:
                 best, share = iterate, 1.0
-                whole = proposal = self.step(best)
+                full = proposal = self.step(best)
             else:  # worse: the next lies nearer to the best one
                 share *= BACK
-                x = best.proposal.x + share * (whole.x - best.proposal.x)
+                x = best.proposal.x + share * (full.x - best.proposal.x)
                 proposal = Proposal(self.field(x), x, True)
             yield proposal, best
 

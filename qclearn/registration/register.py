@@ -141,9 +141,10 @@ def register(
     suspect, and relative to the control's length where no hemisphere has it (`report["units"]`).
 
     `report["fallbacks"]` lists what was done besides, `report["suspect"]` why not to trust the
-    result (diagnose.py). Errors: SurfaceError, LandmarkError (also for an uncertainty at settings
-    in which it was not measured), FeatureError; BijectivityError if no map is bijective at any
-    gamma; ImportError if the networks are asked for and torch is not installed.
+    result (diagnose.py). Errors: ValueError for a method or tolerance that do not go together;
+    SurfaceError, LandmarkError (also for an uncertainty at settings in which it was not measured),
+    FeatureError; BijectivityError if no map is bijective at any gamma; ImportError if the networks
+    are asked for and torch is not installed.
     """
     # Everything that can be refused without a computation is refused here.
     tolerance = check_method(method, sliding, tolerance, features)

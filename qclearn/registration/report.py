@@ -144,7 +144,6 @@ def report_of(pair, landmarks, weights, fit, points, regions):
             *feature_messages(pair, landmarks, fit.f),
             *worse(held_out, overlap),
         ],
-        "stopped": None,
         "version": version("qclearn"),
     }
 

@@ -74,7 +74,7 @@ class Places:
 
 
 class FeatureTerm:
-    """`delta sum_c a_c sum_k w_k (s_c(x_k) - t_c(M f(x_k)))^2` over all moving vertices, at scale
+    """`delta sum_c a_c sum_k w_k (s_c(x_k) - t_c(M f(x_k)))^2` over the moving vertices, at scale
     sigma.
 
     s, t: standardised features of both sides; a: their weights; w: the vertices' shares of the

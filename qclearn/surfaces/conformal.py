@@ -24,7 +24,8 @@ def disk_conformal_map(surface: Surface) -> Complex[ndarray, " V"]:
     The area centroid goes to 0, the first vertex of `surface.boundary` to 1. The flux form with the
     cotangent matrix, no iteration. Certified: no triangle is flipped; a RepairWarning tells of
     boundary steps and rows changed for that, and of blind tubes, `find_fingers`, in which the map
-    is not conformal. SurfaceError if the surface is not a disk.
+    is not conformal. SurfaceError if the surface is not a disk, BijectivityError where every map
+    of it folds.
     """
     return _conformal_map(surface)[0]
 
@@ -134,7 +135,7 @@ class ParameterizedSurface:
     fingers: object = ()
 
     @cached_property
-    def whole(self) -> bool:
+    def is_embedded(self) -> bool:
         """Whether the boundary runs around the circle once and no face is flipped."""
         rim = self.disk.z[self.surface.boundary]
         return bool(np.angle(np.roll(rim, -1) / rim).min() > 0 and not len(self.disk.maybe_flipped))

@@ -32,7 +32,7 @@ def test_a_file_and_the_program_that_writes_it_are_named_for_each_other():
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_kept_figures_fit_their_schema_and_can_be_written_again(name):
-    figures = read_measured(name)
+    figures = read_measured(name, RESULTS / f"{name}.json")
     text = (RESULTS / f"{name}.json").read_text()
     assert json.loads(as_text(name, figures)) == figures
     assert '"commit"' in text and "+changes" not in text, "measure again, on a committed tree"

@@ -79,7 +79,7 @@ def test_held_out_curves_are_measured_each_by_its_name(pair, once):
 def truth_or_back(pair, problem):
     """The true map of the bowls: where the control's vertex of the same number lies in its own
     disk."""
-    there = problem.sides.moving.surface is pair.moving.surface
+    there = problem.pair.moving.surface is pair.moving.surface
     return pair.control.disk.z if there else pair.moving.disk.z
 
 
@@ -96,7 +96,7 @@ def test_each_repetition_begins_with_nothing_known_of_the_disks(pair):
     known = []
 
     def note(problem):
-        for disk in (problem.disk, problem.sides.moving.disk, problem.sides.control.disk):
+        for disk in (problem.disk, problem.pair.moving.disk, problem.pair.control.disk):
             known.append(set(vars(disk)))
             _ = disk.lookup
         return truth_or_back(pair, problem)
@@ -127,7 +127,7 @@ def test_methods_of_folds_say_that_they_need_the_surfaces():
 
 def test_a_method_without_landmarks_is_not_given_the_disk_that_they_aligned(pair):
     problem = prepare(pair).problem
-    assert problem.sides.moving.disk is pair.moving.disk and abs(problem.disk.z - pair.moving.disk.z).max() > 0.01
+    assert problem.pair.moving.disk is pair.moving.disk and abs(problem.disk.z - pair.moving.disk.z).max() > 0.01
 
 
 def test_maps_that_took_no_part_are_compared_where_they_are_known(known, once):
@@ -202,7 +202,7 @@ def test_a_folder_of_people_is_each_onto_each_other(tmp_path, sides, once):
 
 def test_a_way_back_that_fails_is_told(pair, once):
     def one_way(problem):
-        if problem.sides.moving.surface is not pair.moving.surface:
+        if problem.pair.moving.surface is not pair.moving.surface:
             raise RuntimeError("no way back")
         return pair.control.disk.z
 

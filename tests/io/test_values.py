@@ -358,7 +358,7 @@ def test_maps_of_one_file_keep_their_types(tmp_path, carry, capsys):
         carry("lh.two.gii")
     assert "holds whole numbers" in capsys.readouterr().err
     there = carry("lh.two.gii", "--nearest", out="out.gii")
-    assert there.whole == [True, False] and there.names == ["regions", "mm"]
+    assert there.integer == [True, False] and there.names == ["regions", "mm"]
     image = nibabel.load(tmp_path / "out.gii")
     assert [array.data.dtype.kind for array in image.darrays] == ["i", "f"]
     np.testing.assert_array_equal(image.darrays[1].data, image.darrays[0].data / 4)
@@ -369,7 +369,7 @@ def test_the_walls_key_is_that_of_labels_alone(tmp_path, carry):
     """Beside labels whose 0 is a region, floats get 0 there."""
     columns = np.stack([SOME, SOME / 4], axis=1)
     table = {key: (f"V{key}", (1.0, 0.5, 0.5, 1.0)) for key in range(3)}
-    write_values(tmp_path / "lh.two.gii", columns, labels=table, whole=[True, False])
+    write_values(tmp_path / "lh.two.gii", columns, labels=table, integer=[True, False])
     there = carry("lh.two.gii", "--nearest", out="out.gii")
     assert there.values[WALL].tolist() == [[0, 0], [0, 0]] and there.labels[0][0] == "???"
     np.testing.assert_array_equal(np.delete(there.values - columns, WALL, axis=0), np.tile([1, 0], (28, 1)))

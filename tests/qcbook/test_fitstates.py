@@ -235,4 +235,4 @@ def test_cortex_problem_keeps_landmarks_of_the_full_surfaces():
     polar = cortex_problem("bowls", moving, control, curves, points=4)
     np.testing.assert_array_equal(polar.problem.target, small.problem.target)
     assert polar.problem.disk is example_problems()[0].problem.disk
-    assert [len(side.areas) for side in polar.features.sides] == [len(polar.problem.disk.z), len(control.vertices)]
+    assert [len(side.areas) for side in polar.features.smoothings] == [len(polar.problem.disk.z), len(control.vertices)]

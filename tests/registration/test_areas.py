@@ -49,7 +49,7 @@ def sides_of(moving, control, maps=()):
 
 
 def problem_of(sides, p=(), q=()):
-    return Problem(sides.moving.disk, p, q, fewest=0, sides=sides)
+    return Problem(sides.moving.disk, p, q, fewest=0, pair=sides)
 
 
 def objective_of(problem, level):
@@ -225,5 +225,5 @@ def test_an_eta_that_cannot_be_used_is_refused(eta, more, words):
 
 
 def test_eta_without_surfaces_is_refused():
-    with pytest.raises(LandmarkError, match="eta = 0.5: areas belong to surfaces.*sides"):
+    with pytest.raises(LandmarkError, match="eta = 0.5: areas belong to surfaces.*pair"):
         fit_problem(Problem(MOVING, [0.1], [0.2]), Weights(eta=0.5))

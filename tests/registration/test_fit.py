@@ -350,7 +350,7 @@ def test_sliding_frees_the_residual_along_the_curve_only():
     assert curves.losses["L_mu"] < 0.7 * points.losses["L_mu"]
 
 
-# Start and watch
+# Start
 
 
 def test_a_start_is_carried_to_the_polar_mesh():
@@ -401,22 +401,6 @@ def test_a_fit_ends_on_the_mesh_once_the_error_is_small_enough():
     assert settled.landmark_error < early.landmark_error < 5e-4
     assert early.steps[1] < settled.steps[1] and early.bijective
     assert fit_landmarks(*SMALL, p, q, gamma=1e5, enough=1.0).steps[1] == 0
-
-
-def test_watch_is_asked_before_each_step_and_can_stop_the_fit():
-    calls = []
-    fit = fit_landmarks(*SMALL, *smooth_problem(3, 30), watch=lambda: calls.append(1))
-    assert len(calls) >= sum(fit.steps)
-
-    def stop():
-        calls.append(1)
-        if len(calls) == 3:
-            raise TimeoutError("enough")
-
-    calls.clear()
-    with pytest.raises(TimeoutError, match="enough"):
-        fit_landmarks(*SMALL, *smooth_problem(3, 30), watch=stop)
-    assert len(calls) == 3
 
 
 # Where no map can do it

@@ -286,14 +286,6 @@ def test_an_unusable_delta_is_refused(delta):
         Weights(delta=delta)
 
 
-def test_watch_can_stop_it():
-    def stop():
-        raise TimeoutError("enough")
-
-    with pytest.raises(TimeoutError, match="enough"):
-        fit_registration(no_landmarks(), Weights(delta=0.3), features_of(TWIST), watch=stop)
-
-
 def test_the_mobius_map_is_found_by_features_alone():
     a, theta = 0.35 - 0.2j, 2.5
     found = mobius_by_features(features_of(lambda z: mobius(z, a, theta)), MOVING.z)

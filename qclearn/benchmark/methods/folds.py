@@ -25,35 +25,35 @@ def hybrid(
 
 def dense(problem, alpha=Weights.alpha, beta=Weights.beta, delta=DELTA, eta=ETA):
     """`hybrid` with gamma = 0: folds alone, from the landmarks' best Möbius map on, f (V,)."""
-    sides = sides_of(problem)
-    disk = repair_folds(sides.moving.surface, mobius(problem.disk.z, *problem.mobius))
-    problem = Problem(disk, [], [], fewest=0, sides=sides)
+    pair = pair_of(problem)
+    disk = repair_folds(pair.moving.surface, mobius(problem.disk.z, *problem.mobius))
+    problem = Problem(disk, [], [], fewest=0, pair=pair)
     return by_folds(problem, Weights(alpha, beta, delta=delta, eta=eta))
 
 
 def landmark_free(problem, alpha=Weights.alpha, beta=Weights.beta, delta=DELTA, eta=ETA):
     """Folds alone, from the Möbius map that fits them best, without landmarks: f (V,)."""
-    sides = align_disks(replace(with_folds(problem), curves=[], held=[]))
+    pair = align_disks(replace(with_folds(problem), curves=[], held=[]))
     weights = Weights(alpha, beta, delta=delta, eta=eta)
-    return by_folds(sample_landmarks(sides).problem, weights, sides)
+    return by_folds(sample_landmarks(pair).problem, weights, pair)
 
 
-def by_folds(problem, weights, sides=None):
-    """The fit of a problem whose disk may be another than its sides' moving one."""
-    sides = sides or with_folds(problem)
-    sides = replace(sides, moving=replace(sides.moving, disk=problem.disk))
-    fit = fit_with_fallbacks(replace(problem, sides=sides), weights, features=sides.features)
+def by_folds(problem, weights, pair=None):
+    """The fit of a problem whose disk may be another than its pair's moving one."""
+    pair = pair or with_folds(problem)
+    pair = replace(pair, moving=replace(pair.moving, disk=problem.disk))
+    fit = fit_with_fallbacks(replace(problem, pair=pair), weights, features=pair.features)
     warn_of(fit.fallbacks)
     return fit.f
 
 
 def with_folds(problem):
-    """A problem's sides with depth and curvature, computed anew: such a fit's time includes them."""
-    return diagnose.with_folds(replace(sides_of(problem), features=None))
+    """A problem's pair with depth and curvature, computed anew: such a fit's time includes them."""
+    return diagnose.with_folds(replace(pair_of(problem), features=None))
 
 
-def sides_of(problem):
-    if problem.sides is None:
+def pair_of(problem):
+    if problem.pair is None:
         message = "this method looks at folds, and the problem has landmarks alone"
-        raise LandmarkError(f"{message}: give it `sides`")
-    return problem.sides
+        raise LandmarkError(f"{message}: give it `pair`")
+    return problem.pair

@@ -43,7 +43,7 @@ def program(problem, command="", limit=LIMIT):
     limit: seconds. ProgramError, SphereError; ImportError where a sphere cannot be made.
     """
     parts = command_parts(command)
-    spheres = sphere_of(problem.sides.moving), sphere_of(problem.sides.control)
+    spheres = sphere_of(problem.pair.moving), sphere_of(problem.pair.control)
     key = tuple(parts), limit, *(sphere.fingerprint for sphere in spheres)
     if key not in ANSWERS:
         ANSWERS[key] = answer_of(parts, limit, *spheres)
@@ -122,5 +122,5 @@ def run_task(path):
     moving, control = (one for one, _ in pairs)
     surfaces = [replace(parameterize(pairs[k][0]), sphere=spheres[k]) for k in range(2)]
     sides = SurfacePair(*surfaces, check_curves(curves, moving, control), [])
-    problem = replace(sample_landmarks(align_disks(sides)).problem, sides=sides)
+    problem = replace(sample_landmarks(align_disks(sides)).problem, pair=sides)
     METHODS[method](problem, **parameters)

@@ -22,14 +22,14 @@ def rotation(problem):
     FINEST from 4 degrees on. Grids of three angles, ever narrower, from the spheres as they lie.
     SphereError where a surface has no sphere.
     """
-    sides = with_folds(problem)
-    moving, control = sphere_of(sides.moving), sphere_of(sides.control)
-    count = len(sides.moving.surface.vertices)
+    pair = with_folds(problem)
+    moving, control = sphere_of(pair.moving), sphere_of(pair.control)
+    count = len(pair.moving.surface.vertices)
     judges = np.random.default_rng(0).permutation(count)[:JUDGES]
-    points, areas = moving.points[judges], sides.features.areas[judges]
+    points, areas = moving.points[judges], pair.features.areas[judges]
     tree, best = cKDTree(control.points), Rotation.identity()
     for span in SPANS:
-        here, there = sides.features.at(FINEST if span <= 4 else SCALE)
+        here, there = pair.features.at(FINEST if span <= 4 else SCALE)
         # The wall has no folds.
         there = np.pad(there, ((0, len(control.points) - len(there)), (0, 0)))
         steps = STEPS[span < SPANS[0]]
@@ -37,7 +37,7 @@ def rotation(problem):
         angles = np.stack(np.meshgrid(axis, axis, axis), -1).reshape(-1, 3)
         tries = Rotation.from_euler("xyz", angles, degrees=True) * best
         nearest = [tree.query(one.apply(points))[1] for one in tries]
-        weights = sides.features.feature_weights
+        weights = pair.features.feature_weights
         fits = [areas @ ((here[judges] * there[near]) @ weights) for near in nearest]
         best = tries[int(np.argmax(fits))]
     return best.apply(moving.points)

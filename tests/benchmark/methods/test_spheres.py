@@ -139,7 +139,7 @@ def test_a_bad_sphere_is_a_row_and_a_method_of_the_disk_goes_on(pair):
 
 def test_the_best_rotation_turns_the_ball_back(pair):
     row = trial(pair, Run("rotation", "rotation"), METHODS["rotation"])
-    as_is = trial(pair, Run("as it is", "as_is"), lambda problem: problem.sides.moving.sphere.points)
+    as_is = trial(pair, Run("as it is", "as_is"), lambda problem: problem.pair.moving.sphere.points)
     assert row["status"] == as_is["status"] == "done", (row, as_is)
     edge = pair.control.surface.edge_lengths.mean()  # half of it: judges look at the nearest vertex
     assert row["correspondence_mm"] < edge / 2 < 3 < 8 < as_is["correspondence_mm"]
@@ -173,7 +173,7 @@ def test_faces_that_are_turned_over_are_counted_on_the_sphere(pair):
 
 
 def test_a_map_of_another_sphere_is_refused(pair):
-    row = trial(pair, Run("bad", "bad"), lambda problem: problem.sides.moving.sphere.points[:9])
+    row = trial(pair, Run("bad", "bad"), lambda problem: problem.pair.moving.sphere.points[:9])
     assert "returned an array of shape (9, 3)" in row["message"] and "one point of the sphere" in row["message"]
 
 
@@ -209,9 +209,7 @@ def test_a_program_that_copies_is_the_spheres_as_they_are(pair):
     row = trial(replace(pair, there_and_back=False), program(COPY), METHODS["program"])
     assert row["status"] == "done", row
     as_is = trial(
-        replace(pair, there_and_back=False),
-        Run("as it is", "as_is"),
-        lambda problem: problem.sides.moving.sphere.points,
+        replace(pair, there_and_back=False), Run("as it is", "as_is"), lambda problem: problem.pair.moving.sphere.points
     )
     assert row["correspondence_mm"] == pytest.approx(as_is["correspondence_mm"], abs=1e-3)
     assert row["cpu_seconds"] >= 0 and 0 <= row["memory_mb"] < own_memory_mb()  # it ends in no time
