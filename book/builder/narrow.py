@@ -1,5 +1,6 @@
-"""What a narrow window needs: code in tables may break behind its signs, and a wide figure gets a box in
-which it scrolls. The rest is in `_assets/book.css`."""
+"""What a narrow window needs: code in tables may break at its signs, a short formula keeps the brackets
+and stops that touch it, and a wide figure gets a box in which it scrolls. The rest is in
+`_assets/book.css`."""
 
 import re
 
@@ -7,11 +8,13 @@ from docutils import nodes
 
 WIDE = 600  # pixels; a wider figure would have letters of 4 to 8 pixels on a telephone
 PIXELS = re.compile(r"([\d.]+)(?:px)?")
-SIGNS = re.compile(r"(?<=[/._:=,@])(?=\w)|(?<=\w-)(?=\w)")
+SHORT = 24  # letters of a formula's source; a longer one may have to be broken
+BEFORE, AFTER = re.compile(r"[(\[]+\Z"), re.compile(r"[,.;:!?)\]]+")
+SIGNS = re.compile(r"(?<=[/_:=,@])(?=\w)|(?<=\w)(?=\.\w)|(?<=\w-)(?=\w)")
 
 
 def pieces(text):
-    """The words of a code, with an invisible place to break behind each sign."""
+    """The words of a code, with an invisible place to break at each sign."""
     first, *others = SIGNS.split(text)
     yield nodes.Text(first)
     for other in others:
@@ -19,14 +22,34 @@ def pieces(text):
         yield nodes.Text(other)
 
 
+def hold_together(formula):
+    """Put a formula into one unbroken piece with the signs that touch it."""
+    row = formula.parent
+    place = row.index(formula)
+    before, after = (row[k] if 0 <= k < len(row) else None for k in (place - 1, place + 1))
+    parts = [formula.deepcopy()]
+    if isinstance(after, nodes.Text) and (signs := AFTER.match(after)):
+        parts.append(nodes.Text(signs[0]))
+        row[place + 1] = nodes.Text(after[signs.end() :])
+    if isinstance(before, nodes.Text) and (signs := BEFORE.search(before)):
+        parts.insert(0, nodes.Text(signs[0]))
+        row[place - 1] = nodes.Text(before[: signs.start()])
+    if len(parts) > 1:
+        formula.replace_self(nodes.inline("", "", *parts, classes=["unbroken"]))
+
+
 def fit(app, doctree, page):
-    """Let code in tables break at its signs, and put wide figures into boxes."""
+    """Let code in tables break at its signs, hold short formulas and their signs together, and put
+    wide figures into boxes."""
     if app.builder.format != "html":
         return
     for code in [code for cell in doctree.findall(nodes.entry) for code in cell.findall(nodes.literal)]:
         words = list(pieces(code.astext()))
         code.clear()
         code += words
+    for formula in list(doctree.findall(nodes.math)):
+        if len(formula.astext()) <= SHORT:
+            hold_together(formula)
     for picture in list(doctree.findall(nodes.image)):
         pixels = PIXELS.fullmatch(picture.get("width", ""))
         if isinstance(picture.parent, nodes.figure) and pixels and float(pixels[1]) > WIDE:

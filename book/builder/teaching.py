@@ -91,7 +91,7 @@ def parameterize(pages, exercises, together):
     head = ["page", "minutes to read", "graded exercises (minutes)"]
     whole = divmod(reading + solving + meeting, 60)
     return "\n\n".join(
-        [table(head, rows), "In class:", "\n".join(done), f"With the class {whole[0]} h {whole[1]:02d} min."]
+        [table(head, rows), "In class:", "\n".join(done), f"With the class this takes {whole[0]} h {whole[1]:02d} min."]
     )
 
 
@@ -126,24 +126,17 @@ def of_costs():
     from .execute_pages import SOURCE
 
     found = costs.measured(SOURCE)
-    rows = [
-        [
-            link(page),
-            f"{found[page]['seconds']:.0f}",
-            f"{found[page]['gb']:.1f}",
-            f"{STUDENTS * found[page]['gb']:.0f}",
-            f"{STUDENTS * found[page]['seconds'] / CORES / 60:.1f}",
-        ]
-        for page in chapters()
-        if page in found
-    ]
+
+    def row(name, seconds, gb):
+        whole = [f"{STUDENTS * gb:.0f}", f"{STUDENTS * seconds / CORES / 60:.1f}"]
+        return [name, f"{seconds:.0f}", f"{gb:.2f}", *whole]
+
+    rows = [row(link(page), **found[page]) for page in chapters() if page in found]
     head = ["page", "seconds", "GB", f"GB, {STUDENTS} students", f"minutes, {STUDENTS} students on {CORES} cores"]
     if not rows:
         return "(No page has been executed here yet: `make book` measures them.)"
-    most = [
-        f"{max(figures[key] for figures in found.values()):.{digits}f}" for key, digits in (("seconds", 0), ("gb", 1))
-    ]
-    return table(head, [*rows, ["most", *most, "", ""]])
+    most = {key: max(figures[key] for figures in found.values()) for key in ("seconds", "gb")}
+    return table(head, [*rows, row("the largest", **most)])
 
 
 TABLES = {"weeks": of_weeks, "the-day": of_the_day, "costs": of_costs}

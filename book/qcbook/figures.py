@@ -41,6 +41,13 @@ def ellipse_field(ax, z, mu, size):
     return ax.add_collection(EllipseCollection(*sizes, facecolors="#0072B2", alpha=0.75, **place))
 
 
+def mapped_legend(ax):
+    """A legend below the Axes for mapped moving curves, before or after the registration, and their
+    targets."""
+    curve_legend(ax, "registered", "target")
+    ax.get_legend().get_texts()[0].set_text("moving, mapped")
+
+
 def registration_disks(axes, registration, moving):
     """One `Registration` on four Axes: best Möbius map, registered, the deformed grid, |mu|.
 
@@ -59,7 +66,7 @@ def registration_disks(axes, registration, moving):
         curves_plot(ax, registered, "registered")
         curves_plot(ax, [radius.to_image(curve) for curve in targets], "target")
         ax.set_title(title)
-    curve_legend(axes[0], "registered", "target")
+    mapped_legend(axes[0])
     lines_plot(disk_axes(axes[2]), mapped[len(curves) :], "#1F4E79")
     axes[2].set_title("polar grid after the map")
     axes[3].set_title(r"$|\mu|$")

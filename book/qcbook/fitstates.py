@@ -12,16 +12,17 @@ from qcbook.figures import FLIPPED_COLOUR, square_lines
 from qclearn.plot import CURVE_STYLES, disk_axes, disk_plot, lines_plot, map_curves
 from qclearn.registration.features import FINEST
 from qclearn.registration.fit import CheckedMap, exact_map, fit_problem, fit_registration
-from qclearn.registration.gauss_newton import MIN_DECREASE
 from qclearn.registration.metrics import measured_losses
-from qclearn.registration.multiresolution import STALL_RATIO, Level, guided
+from qclearn.registration.multiresolution import STALL_RATIO, guided, on_own_mesh
 from qclearn.registration.networks import gamma_messages, predicted
 from qclearn.registration.problem import LandmarkError, Weights
 from qclearn.registration.residuals import FeatureTerm
 
+from .cells import in_powers
+
 RINGS = 24  # of the polar mesh that carries the fit's unknowns: more gain little here, and take longer
 # Fewer levels than `register` has: a slider cannot wait.
-FOLD_LEVELS = (guided(12, 16.0, 2), Level(RINGS, 8.0, 2, True, MIN_DECREASE, STALL_RATIO))
+FOLD_LEVELS = (guided(12, 16.0, 2), on_own_mesh(RINGS, 8.0, 2, stall_ratio=STALL_RATIO))
 BINS = np.linspace(0, 1, 41)
 
 
@@ -100,8 +101,9 @@ def describe(state):
     if state.fit is None:
         return f"No map: {state.message}"
     size = abs(state.fit.mu)
+    error = in_powers(f"{state.fit.landmark_error:.1e}")
     return (
-        f"landmark error {state.fit.landmark_error:.2e}, mean |μ| {size.mean():.3f}, largest "
+        f"landmark error {error}, mean |μ| {size.mean():.3f}, largest "
         f"{size.max():.3f}; "
         f"{state.message}; {1000 * state.seconds:.0f} ms"
     )
@@ -121,7 +123,8 @@ def sentences(states):
 def states_figure(example, states):
     """A Matplotlib figure of an `Example`'s states (dict name -> FitState), a row each, empty
     without a map: landmarks, the deformed grid, |mu| on the moving disk and its histogram."""
-    figure = Figure(figsize=(9.6, 2.8 * len(states)), layout="constrained")
+    figure = Figure(figsize=(9.6, 3.1 * len(states)), layout="constrained")
+    figure.get_layout_engine().set(hspace=0.1)
     rows = figure.subplots(len(states), 4, squeeze=False, gridspec_kw={"width_ratios": (1, 1, 1, 0.8)})
     scale = example.radius.to_image if example.radius else np.asarray
     for (name, state), row in zip(states.items(), rows):

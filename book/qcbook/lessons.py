@@ -85,8 +85,12 @@ class CPLesson(Lesson):
         self.places = square_places(self.losses.z[self.losses.faces].mean(1))[None, None]
         moving = self.subject(np.random.default_rng(12))  # a seed of its own: the same for every run
         self.problem = Problem(self.mesh.mesh, moving, self.target, np.repeat(np.arange(3), 8))
-        fit = fit_problem(self.problem, weights, rings=SIZE[0])
+        fit = self.reference()
         self.least = measured_losses(self.problem, weights, fit.mu, self.problem.samples @ fit.f)["L_CP"]
+
+    def reference(self, *_):
+        """The fit of the unseen example, with nu on as many rings as the network's mesh has."""
+        return fit_problem(self.problem, self.weights, rings=SIZE[0])
 
     def subject(self, rng):
         """A subject's landmarks (24,): the target curves before a twist `w exp(i c (1 - |w|^2))`

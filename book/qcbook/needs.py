@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from .diagrams import block_diagram
 
 
-def needs():
-    """page -> the pages that it needs, of needs.toml."""
-    return tomllib.loads(files(__package__).joinpath("needs.toml").read_text(encoding="utf-8"))
+def needs(part="needs"):
+    """page -> the pages that it needs, of needs.toml; or with "place" where the picture has it."""
+    return tomllib.loads(files(__package__).joinpath("needs.toml").read_text(encoding="utf-8"))[part]
 
 
 def steps_to(needs):
@@ -31,14 +31,9 @@ def steps_to(needs):
 
 def needs_figure():
     """A Matplotlib figure of `needs`: an arrow leads from a page to one that needs it."""
-    listed = needs()
-    step, taken, boxes = steps_to(listed), {}, {}
-    widths = [list(step.values()).count(k) for k in range(max(step.values()) + 1)]
-    for page in listed:
-        k = step[page]
-        place = taken[k] = taken.get(k, -1) + 1
-        aside = 0.35 * (k % 3 - 1)  # so that few arrows run through a box
-        boxes[page] = (1.3 * (place - (widths[k] - 1) / 2) + aside, -0.8 * k, page, "grey")
+    listed, place = needs(), needs("place")
+    step = steps_to(listed)
+    boxes = {page: (place[page], -0.8 * step[page], page, "grey") for page in listed}
     figure = Figure(figsize=(9, 10.5))
     ax = figure.add_axes((0, 0, 1, 1))
     block_diagram(ax, boxes, [(needed, page) for page, many in listed.items() for needed in many])

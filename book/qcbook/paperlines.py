@@ -18,6 +18,21 @@ from .verdicts import judge_ratio
 
 KINDS = ("equation", "figure", "table", "contribution", "claim", "erratum")
 PROVED = ("def-", "lem-", "prop-", "thm-", "rem-")  # how labels of theorems and their kin begin
+PAGES = {  # page -> the words of a link to it
+    "benchmark": "The benchmark",
+    "certificate": "Proofs and checks",
+    "cohort": "A cohort",
+    "cpnet": "CP-Net",
+    "dbsnet": "DBS-Net",
+    "dbsnetbest": "A better DBS-Net",
+    "firstregistration": "A first registration",
+    "fit": "The fit",
+    "fourier": "Fourier compression",
+    "lbs": "Linear Beltrami Solver",
+    "ldnet": "LD-Net",
+    "linebyline": "below",
+    "quasiconformal": "Quasi-conformal maps",
+}
 BOUNDS = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
 VERDICTS = {
     *("right", "right, corrected", "wrong as printed", "undecided", "overstated", "made", "made otherwise", "not made"),
@@ -86,26 +101,26 @@ def paper_lines(path="paper.toml"):
 
 def paper_table(lines, folded=""):
     """A Markdown table of lines of one kind, one row per line; `folded` as in `table`."""
-    head = ["", "in print", "rule, and verdict", "in the book", "changed, compute, and how to repeat it"]
+    head = ["", "in print", "verdict, and rule", "in the book", "changed, compute, and how to repeat it"]
     rows = [[str(line["number"]), line["printed"], judged(line), placed(line), repeated(line)] for line in lines]
     return table(head, rows, folded)
 
 
 def judged(line):
-    """The rule, the number, the verdict, and what the number was read from, with its interval where
-    the rule asks."""
+    """The verdict, the rule, the number, and what it was read from, with its interval where the rule
+    asks."""
+    said = f"**{line['verdict'].capitalize()}.**<br>{line['rule']}"
     if "value" not in line:
-        return f"{line['rule']} **{line['verdict']}**"
+        return said
     ends = "interval {:.3g} to {:.3g}; ".format(*line["interval"]) if line["interval"] else ""
     names = " over ".join(f"`{name}`" for name in line["measured"])
-    return f"{line['rule']} Measured {line['value']:.3g}: **{line['verdict']}** ({ends}{names})"
+    return f"{said} Measured {line['value']:.3g} ({ends}{names})."
 
 
 def placed(line):
     """Where a line is shown, which function does it, which test holds it, and its errata."""
     page, _, label = line["place"].partition("#")
-    words = {"linebyline": "below"}.get(page, page)
-    parts = [link(words, page, label)] if page else []
+    parts = [link(PAGES[page], page, label)] if page else []
     parts += [f"`{line[key]}`" for key in ("function", "test") if line[key]]
     numbers = [] if line["erratum"] == "none" else line["erratum"].split(", ")
     parts += [link(number, "linebyline", f"erratum-{number[1:]}") for number in numbers]

@@ -52,7 +52,7 @@ def landmarks_answer(lesson):
 
     example, given = Example("an unseen example", lesson.problem), lesson.weights
     weights = given.alpha, given.beta, given.gamma
-    exact, answer = fit_state(example, weights), fit_state(example, weights, solver=trained)
+    exact, answer = (fit_state(example, weights, solver=one) for one in (lesson.reference, trained))
     states = {"reference fit": exact, "CP-Net in training": answer}
     return states_figure(example, states), sentences(states)
 
@@ -82,7 +82,7 @@ def power_slider(name, value, low, high, words):
 
 def image(figure, words):
     """A figure as HTML with a description."""
-    return picture_html(drawn(figure)[0], words, ' style="max-width:100%;width:768px"')
+    return f'<div class="wide-picture">{picture_html(drawn(figure)[0], words, " width=768")}</div>'
 
 
 class TrainingLab(ipywidgets.VBox):

@@ -59,4 +59,8 @@ COMMANDS = [landmarks.landmarks, registration.register, registration.demo, group
 COMMANDS += [reports.report, surfaces.open_command, surfaces.transfer, sphere.sphere]
 COMMANDS += [surfaces.synth, studies.train, studies.benchmark, grade]
 for command in COMMANDS:
+    for option in command.params:
+        # The reference asks each option; the group's own setting is for --help alone.
+        if isinstance(option.default, (str, int, float)) and not isinstance(option.default, bool):
+            option.show_default = True
     cli.add_command(command)

@@ -15,7 +15,7 @@ units_option = click.option(
     "--units",
     type=click.Choice(list(UNITS)),
     default="mm",
-    help="Of the files; a surface as long as a hemisphere in another unit stays as it is.",
+    help="Of the files; a surface that has another unit by its length is not scaled.",
 )
 merge_option = click.option(
     "--merge", is_flag=True, help="Merge points doubled along a seam; copies count as cut away."

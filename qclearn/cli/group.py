@@ -39,7 +39,7 @@ from .output import fail, output_folder, say
 @click.option(
     "--delta", type=float, default=DELTA_BY_DISKS, help="Weight of the features' mismatch."
 )
-@click.option("--scheduler", help="Address of a dask scheduler, tcp://HOST:8786.")
+@click.option("--scheduler", help="Address of a dask scheduler, `tcp://HOST:8786`.")
 @click.option("--workers", type=int, default=2, help="Processes, without --scheduler.")
 def template(subjects, out, mirror, units, **options):
     """Make an unbiased template of SUBJECTS, surface files of disks of one side.

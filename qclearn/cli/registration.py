@@ -71,8 +71,9 @@ def refuse_sure(context, parameter, value):
     "given",
     nargs=2,
     multiple=True,
-    metavar="MOVING CONTROL[:WEIGHT]",
-    help="Per-vertex files to match, repeatable  [default: depth depth, curvature curvature]",
+    metavar="MOVING CONTROL",
+    help="Per-vertex files to match, repeatable; CONTROL:2 has weight 2  "
+    "[default: depth depth, curvature curvature]",
 )
 @click.option("--no-features", is_flag=True, help="Landmarks alone, the paper's setting.")
 @click.option("--no-landmarks", is_flag=True, help="Features alone.")
@@ -100,9 +101,10 @@ def register(
     folder gets registration.npz, report.json, registered.surf.gii and figure.png.
 
     \b
-    Exit codes: 0  registered
-                2  refused: one line on stderr says what, where and what to do; nothing is written
-                3  written, but suspect: one line on stderr, and "suspect" in report.json, say why
+    Exit codes:
+      0  registered
+      2  refused: one line on stderr says what, where and what to do; nothing is written
+      3  written, but suspect: one line on stderr, and "suspect" in report.json, say why
 
     The first five reasons below, where they come from curves or folds, are checked before the fit,
     which is then not made: what is written is the map that aligns the curves' ends, and "stopped"
@@ -110,8 +112,7 @@ def register(
 
     \b
     A registration is suspect where
-      mirror:      the curves, or with fewer than three the folds, fit the mirrored moving surface much better, or the
-                   files' names or metadata say that one is a left and the other a right: --mirror was forgotten
+      mirror:      curves or folds fit the mirrored moving surface much better, or the files say left and right
       exchanged:   the curves fit much better with MOVING and CONTROL exchanged
       numbering:   they fit much better as vertex numbers of the whole surface, before `open` cut it
       reversed:    a curve fits much better run from its other end

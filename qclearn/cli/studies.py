@@ -79,7 +79,7 @@ def train(network, preset, gamma, out, data, steps, seed, quick):
     "--program",
     "programs",
     multiple=True,
-    help="A method that is a program: NAME='COMMAND', see below; repeatable.",
+    help="A method that is a program: `NAME='COMMAND'`, see above; repeatable.",
 )
 @click.option("--limit", type=float, default=3600, help="Seconds for a --program.")
 @click.option(
@@ -91,7 +91,7 @@ def train(network, preset, gamma, out, data, steps, seed, quick):
 @click.option(
     "--fronts", is_flag=True, help="Also fits along a front, to compare at one distortion."
 )
-@click.option("--scheduler", help="Address of a dask scheduler, tcp://HOST:8786.")
+@click.option("--scheduler", help="Address of a dask scheduler, `tcp://HOST:8786`.")
 @click.option("--workers", type=int, default=2, help="Processes, without --scheduler.")
 @click.option("--data", help="Folder of synthetic subjects  [default: the user's cache]")
 def benchmark(

@@ -137,8 +137,9 @@ def register(
     mirrored, exchanged or of another numbering are reported before the fit, and the result is the
     aligned map (`report["stopped"]`).
 
-    Lengths in mm, limits too, are in mm on surfaces in metres and micrometres as well, which are
-    suspect, and relative to the control's length where no hemisphere has it (`report["units"]`).
+    Lengths in the report are in mm, also of surfaces in metres or micrometres, which are suspect.
+    Where the control is as long as no hemisphere, they are relative to its length
+    (`report["units"]`).
 
     `report["fallbacks"]` lists what was done besides, `report["suspect"]` why not to trust the
     result (diagnose.py). Errors: ValueError for a method or tolerance that do not go together;

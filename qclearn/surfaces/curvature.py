@@ -45,7 +45,7 @@ def mean_curvature(surface: Surface) -> Float[ndarray, " V"]:
     (2003) and the vertex normal n of Max (1999). It is exact, 1/r, where the neighbours lie on a
     sphere of radius r and no triangle around is obtuse; else the mean error falls like h^2, but
     single vertices of odd valence may keep theirs (Xu 2004). A boundary vertex takes the mean of
-    its neighbours inside, as the rim pulls on it; SurfaceError without an inside.
+    its neighbours inside, as the rim pulls on it; SurfaceError where no vertex is inside.
     """
     pull = surface.stiffness @ surface.vertices
     # The edges that leave each corner to the next and to the previous one, (F, 3, 3) each.

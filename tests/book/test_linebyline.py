@@ -251,7 +251,7 @@ def test_a_number_is_that_of_its_kept_file(kind, line):
     first, *other = map(by_hand, line["measured"])
     assert line["value"] == pytest.approx(first / other[0] if other else first, rel=1e-9)
     shown = paper_table([line]).data
-    assert f"Measured {line['value']:.3g}: **{line['verdict']}** (" in shown
+    assert f"| **{line['verdict'].capitalize()}.**<br>" in shown and f"Measured {line['value']:.3g} (" in shown
     assert " over ".join(f"`{name}`" for name in line["measured"]) in shown
     if line["limit"][0] == "printed":
         low, high = line["interval"]

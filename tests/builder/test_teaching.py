@@ -109,7 +109,7 @@ def test_a_run_says_what_it_cost(tmp_path):
 
 def test_the_sheet_multiplies_for_a_class(monkeypatch):
     monkeypatch.setattr(costs, "measured", lambda folder: {"lbs": {"seconds": 32.0, "gb": 0.5}})
-    assert "(lbs.ipynb) | 32 | 0.5 | 15 | 1.0 |" in teaching.put(SHEET)
+    assert "(lbs.ipynb) | 32 | 0.50 | 15 | 1.0 |" in teaching.put(SHEET)
     monkeypatch.setattr(costs, "measured", lambda folder: {})
     assert "No page has been executed here yet" in teaching.put(SHEET)
 

@@ -11,7 +11,7 @@ class TestOnTheSite(OnTheSite):
 
     def test_the_brush_paints_with_the_mouse_and_with_keys(self, shown):
         shown.reset()
-        shown.choose("mu as it is", "blank")
+        shown.choose("pattern of mu", "blank")
         canvas = shown.root.locator("canvas").first
         shown.drag_with_the_mouse(canvas, (-0.4, 0.3), (-0.2, 0.3))
         state = shown.state()
@@ -43,6 +43,6 @@ class TestInJupyterLab(InJupyterLab):
 
     def test_the_brush_paints_what_python_reads(self, shown):
         shown.reset()
-        shown.choose("mu as it is", "blank")
+        shown.choose("pattern of mu", "blank")
         shown.drag(shown.root.locator("canvas").first, (-0.4, 0.3), (-0.3, 0.3), (-0.2, 0.3))
         shown.tab.until("len(mu.state['strokes']) == 4 and abs(abs(mu.live.coefficient(mu.state)).max() - 0.5) < 1e-3")

@@ -9,7 +9,7 @@ import { meshOf, sample, TAU } from "./mesh.js";
 import { mobius, moved } from "./mobius.js";
 import { COLOURS } from "./picture.js";
 import { chart, grid, powers } from "./plots.js";
-import { gap, short } from "./words.js";
+import { gap, short, two } from "./words.js";
 
 const SIZE = [COARSE[0], COARSE[1] + 1, 1]; // rings, spokes and grading; an odd number: no boundary point lies opposite to 1
 const STEPS = 100;
@@ -128,7 +128,10 @@ function drawLosses(picture, values, step) {
   chart(picture, {
     x: [0, end],
     y: [LOWEST, top],
-    ticks: { x: [0, Math.round(end / 2), end].map((k) => [k, String(k)]), y: powers(LOWEST, top) },
+    ticks: {
+      x: [0, Math.round(end / 2), end].map((k) => [k, String(k)]),
+      y: powers(LOWEST, top),
+    },
     name: "step",
     curves: shares.map((points, i) => ({ ...looks[i], points, dot: points[Math.min(step, values.length - 1)] })),
   });
@@ -181,10 +184,10 @@ export default {
       fair = turn(1),
       step = Math.min(state.step, values.length - 1),
       ended = state.step > step ? `, where it ended` : "";
-    const [least, most] = [Math.min(...measure), Math.max(...measure)].map((one) => short(one / fair)),
-      near = short(100 * nearHalf(found, state.pole)),
+    const [least, most] = [Math.min(...measure), Math.max(...measure)].map((one) => two(one / fair)),
+      near = two(100 * nearHalf(found, state.pole)),
       centre = short(Math.hypot(w.x[0], w.y[0])),
-      [printed, energy] = [0, 1].map((k) => `${short(values[step][k])} (${short(values[0][k])} at the start)`);
+      [printed, energy] = [0, 1].map((k) => `${two(values[step][k])} (${two(values[0][k])} at the start)`);
     const said = [
       `Seen from ${short(x)} ${y < 0 ? "−" : "+"} ${short(Math.abs(y))} i the boundary steps are ` +
         `${least} to ${most} times the mean; ` +
@@ -194,7 +197,8 @@ export default {
         ? `The disk has collapsed: on average ${short(spread)} from the point 1`
         : `With f(0) = 0 restored the map is up to ${short(off)} from the right one; as it is |f(0)| is ${centre}`,
     ];
-    return `${said.join(". ")}. ${folds} folds. On this mesh of ${SIZE.slice(0, 2).join(" x ")}, in ${found.ms.toFixed(0)} ms.`;
+    const mesh = `${SIZE[0]} rings and ${SIZE[1]} spokes`;
+    return `${said.join(". ")}. ${folds} folds. On this mesh of ${mesh}, in ${found.ms.toFixed(0)} ms.`;
   },
   data(state, { w, centred, measure, values, off, spread, folds }) {
     const map = interleaved(state.centred ? centred : w);

@@ -1,11 +1,11 @@
-// A growing cortex: scrub through its frames, look from all sides, and compare its area with what its edges want.
+// A growing cortex: scrub through its frames, look from all sides, and compare its area with a free sheet's.
 import { readArrays } from "./files.js";
 import { INITIAL } from "./given.js";
 import { COLOURS } from "./picture.js";
 import { chart } from "./plots.js";
 import { Solid, turned } from "./solid.js";
 import { edgesOf, normalsOf } from "./triangles.js";
-import { gap, short } from "./words.js";
+import { gap, short, two } from "./words.js";
 
 const FRAMES = 20,
   FURTHER = 5, // frames, in the question
@@ -119,7 +119,7 @@ export default {
   ],
   views: [
     { name: "surface", label: "the surface, to turn by pointing or by arrow keys", picture: Solid, drag: turned },
-    { name: "areas", label: "factors since the first frame: area (blue), area that the edges want (red, dashed)" },
+    { name: "areas", label: "factors since the first frame: area (blue), area of a free sheet (red, dashed)" },
   ],
   answer,
   draw([surface, areas], state, found) {
@@ -133,12 +133,12 @@ export default {
   },
   words(state, { area, factor, crossing, curvature }) {
     const said = [
-      `Frame ${last(state)}, the last is ${film.K - 1}: the edges want ${short(factor)} times their first length`,
-      `The area is ${short(area / 100)} cm²`,
-      `Curvature times an edge is ${short(spread(curvature))} in the mean square, ` +
-        `${short(spread(film.first.curvature))} at first`,
+      `Frame ${last(state)} of ${film.K - 1}: the edges' rest lengths are ${two(factor)} times those at first`,
+      `The area is ${(area / 100).toFixed(0)} cm²`,
+      `Curvature times an edge is ${two(spread(curvature))} in the mean square, ` +
+        `${two(spread(film.first.curvature))} at first`,
       `${crossing} of ${film.faces.length / 3} triangles cross others`,
-      `Seen from ${state.turn}° round and ${state.tilt}° above`,
+      `The view is turned by ${state.turn}° and tilted by ${state.tilt}°`,
     ];
     return `${said.join(". ")}.`;
   },
@@ -153,7 +153,7 @@ export default {
       return (await answer({ ...state, frame: last(state) + FURTHER }, host)).ratio / now.ratio;
     },
     why:
-      "The sheet stays compressed: it folds to make room, and its edges remain shorter than they want to be; " +
-      "along furrows they want less.",
+      "The sheet stays compressed: it folds to make room, and its edges remain shorter than their rest lengths, " +
+      "which grow less along furrows.",
   },
 };

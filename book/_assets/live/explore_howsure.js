@@ -8,7 +8,7 @@ import { checkWeights, Problem } from "./landmarks.js";
 import { TAU } from "./mesh.js";
 import { COLOURS, inDisk } from "./picture.js";
 import { weights } from "./problems.js";
-import { gap, short } from "./words.js";
+import { gap, short, two } from "./words.js";
 
 const MESH = [16, 48]; // rings and spokes, those of the library's posterior
 const MOBIUS_PRIOR = 1e-6; // of the three Möbius parameters, as in the fit
@@ -138,7 +138,7 @@ export default {
   views: [
     {
       name: "sure",
-      label: "90 % ellipses of the map (blue); landmarks to drag (green)",
+      label: "90% ellipses of the map (blue); landmarks to drag (green)",
       points: given,
       drag: ({ places }, index, point) => ({
         places: places.map((place, k) => (k === index ? inDisk(...point).map((x) => Number(x.toFixed(4))) : place)),
@@ -152,11 +152,12 @@ export default {
   words({ count, scale }, { radii, left, ms }) {
     const [least_, most] = [Math.min(...radii), Math.max(...radii)],
       best = least(left);
+    const place = SEEN[best].map((x) => x.toFixed(2).replace("-", "−")).join(", ");
     return (
-      `90 % of the posterior lies within ${short(mean(radii))} of the disk's radius on average over ${SEEN.length} places, ` +
-      `from ${short(least_)} to ${short(most)}, by ${count} landmarks and at s = ${short(scale)}. ` +
-      `One landmark more at (${SEEN[best].map((x) => x.toFixed(2)).join(", ")}) leaves ${short(left[best])} of that. ` +
-      `Exact on a mesh of ${MESH.join(" x ")}, at the map without distortion, in ${ms.toFixed(0)} ms.`
+      `90% of the posterior lies within ${two(mean(radii))} of the disk's radius on average over ${SEEN.length} places, ` +
+      `from ${two(least_)} to ${two(most)}, by ${count} landmarks and at s = ${short(scale)}. ` +
+      `One landmark more at (${place}) leaves ${two(left[best])} of that. ` +
+      `Exact on a mesh of ${MESH[0]} rings and ${MESH[1]} spokes, at the map without distortion, in ${ms.toFixed(0)} ms.`
     );
   },
   data: (_, { covariances, radii, left }) => ({ covariances, radii, left }),

@@ -4,7 +4,7 @@ import { Hemisphere } from "./hemisphere.js";
 import { curveDistance, graphOf, lengthOf, places, shortestPath } from "./paths.js";
 import { COLOURS } from "./picture.js";
 import { CORTICES } from "./problems.js";
-import { gap, short } from "./words.js";
+import { gap, two } from "./words.js";
 
 const PIXELS = 200, // of the picture of the curvature, a side
   CLOSER = 3, // the second picture's magnification
@@ -129,7 +129,7 @@ function toTuner({ hemisphere: name, sulcus }, path) {
   return { problem: name, starts: Object.fromEntries(points.map((point, k) => [first + k, point])) };
 }
 
-const mm = (x) => `${Number(x.toPrecision(3))} mm`;
+const mm = (x) => `${two(x)} mm`;
 
 export default {
   name: "landmarks",
@@ -153,7 +153,7 @@ export default {
   views: [
     {
       name: "disk",
-      label: "curvature (dark: sulci); drag the two ends (white); green: path along the floor",
+      label: "curvature (dark: sulci); drag the two ends; green: path along the floor",
       points: (state) => endsOf(state).map((v) => place(surfaces.get(state.hemisphere).hemisphere, v)),
       drag: (state, index, point, by) => ({ ends: { ...state.ends, [index]: chosen(state, index, point, by) } }),
     },
@@ -165,7 +165,7 @@ export default {
     const ends = found.own ? found.name : "Ends of your own",
       said = [
         `${ends}: the path along the floor is ${mm(found.length)} long and ${mm(found.deep)} deep on average, ` +
-          `at a cost of ${short(found.cost)}`,
+          `at a cost of ${two(found.cost)}`,
         `The shortest way on the surface is ${mm(found.shortestLength)} long and ${mm(found.shortestDeep)} deep`,
       ];
     if (found.networkApart !== null) said.push(`LD-Net's curve is ${mm(found.networkApart)} from the path along the floor`);

@@ -134,7 +134,8 @@ export default {
     const pole = `a = ${short(ax)} ${ay < 0 ? "−" : "+"} ${short(Math.abs(ay))} i, θ = ${short(state.turn)}°`;
     const red = `The red circle of radius ${SMALL.radius} has become a circle of radius ${short(radius)}`;
     const lengths = `Lengths change by ${short(stretch)} at 0, by up to ${short(largest)} on the circle`;
-    return `${pole}. ${red}, round to ${off.toExponential(0)}. ${lengths}. Angles do not change: no folds, mu = 0.`;
+    const round = off < 1e-9 ? ", round up to rounding errors" : "";
+    return `${pole}. ${red}${round}. ${lengths}. Angles do not change: no folds, μ = 0.`;
   },
   data: (state, { a, theta, centre, radius, stretch, largest }) => ({ a, theta, centre, radius, stretch, largest }),
   compare(found, kernel) {

@@ -160,7 +160,7 @@ export default {
     {
       kind: "choice",
       name: "preset",
-      label: "mu as it is",
+      label: "pattern of mu",
       also: { strokes: [] },
       options: [
         ["waves", "waves"],

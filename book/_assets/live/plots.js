@@ -2,6 +2,7 @@
 import { toPairs } from "./complex.js";
 import { sample } from "./mesh.js";
 import { COLOURS } from "./picture.js";
+import { ten } from "./words.js";
 
 const SIZE = 320,
   MARGIN = 10,
@@ -114,7 +115,7 @@ export function chart(picture, { x: [x0, x1], y: [y0, y1], ticks, name, curves }
 }
 
 // ticks at the powers of ten from 10^low to 10^high, for logarithms
-export const powers = (low, high) => Array.from({ length: high - low + 1 }, (_, k) => [low + k, `1e${low + k}`]);
+export const powers = (low, high) => Array.from({ length: high - low + 1 }, (_, k) => [low + k, ten(low + k)]);
 
 // landmark error (log) against mean |mu|; the present one as a dot
 export function curvePicture(picture, sweep, now) {

@@ -3,4 +3,14 @@
 export const short = (x) =>
   x !== 0 && (Math.abs(x) < 0.001 || Math.abs(x) >= 1e5) ? x.toExponential(2) : String(Number(x.toPrecision(4)));
 
+// 10 to the whole number k
+export const ten = (k) => "10" + [...String(k)].map((c) => (c === "-" ? "⁻" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[c])).join("");
+
+// with two digits
+export function two(x) {
+  if (x === 0 || Math.abs(x) >= 1e-4) return String(Number(x.toPrecision(2)));
+  const [digits, power] = x.toExponential(1).split("e");
+  return `${digits} × ${ten(Number(power))}`;
+}
+
 export const gap = (x) => x.toExponential(1);
