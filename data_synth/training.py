@@ -9,6 +9,7 @@ from functools import cache
 
 import numpy as np
 
+from qclearn.nets.refinement import CoefficientRefinement
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import FINE, Spectrum, polar, polar_disk, square_disk
 from qclearn.plane.mobius import best_mobius, mobius, mobius_inverse
@@ -16,7 +17,6 @@ from qclearn.plane.solver import DiskSolver
 from qclearn.plane.tangent import CoefficientMesh
 from qclearn.registration.curves import sample_curve
 from qclearn.registration.problem import distinct
-from qclearn.registration.refinement import CoefficientRefinement
 
 from .cohort import hemispheres
 from .datasets import CurveDataset, Seeded, cached, quiet_disk_map

@@ -15,11 +15,11 @@ from threadpoolctl import threadpool_limits
 from ..plane.grids import Spectrum
 from ..plane.tangent import CoefficientMesh
 from ..registration.problem import LandmarkError
-from ..registration.refinement import CoefficientRefinement
 from .born import Born
 from .cpnet_paper import PaperCPNet, PaperCPNetConfig
 from .layers import CoefficientNetwork, ConditionedUNet, inference
 from .polargrid import PolarGrid
+from .refinement import CoefficientRefinement
 from .train import TrainConfig
 
 # What the correction sees on the grid, in order: name -> (how often its frame turns with the spoke,

@@ -14,8 +14,8 @@
 - metrics, report: errors, distortion, held-out curves, Dice.
 - uncertainty: the error radius.
 
-Beside it: transfer (values carried, result files), sphere (maps for other programs), refinement
-(inside CP-Net), and landmark_sources (curves of `qclearn landmarks`).
+Beside it: transfer (values carried, result files), sphere (maps for other programs), and
+landmark_sources (curves of `qclearn landmarks`).
 """
 
 import lazy_loader as lazy

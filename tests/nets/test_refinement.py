@@ -6,16 +6,16 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from qclearn.nets import refinement
+from qclearn.nets.refinement import CoefficientRefinement
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import Spectrum, polar_disk, square_disk
 from qclearn.plane.mobius import best_mobius, mobius
 from qclearn.plane.tangent import CoefficientMesh
-from qclearn.registration import refinement
 from qclearn.registration.fit import exact_map, fit_problem
 from qclearn.registration.gauss_newton import Discretization, GaussNewtonObjective
 from qclearn.registration.metrics import measured_losses
 from qclearn.registration.problem import Problem, Weights
-from qclearn.registration.refinement import CoefficientRefinement
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..plane.mobius import best_mobius, mobius, mobius_fields, mobius_slope
 from ..plane.tangent import Tangent
-from .gauss_newton import solve_dual
+from ..registration.gauss_newton import solve_dual
 
 # Largest |change of nu| of a step; a longer one is damped by this factor again and again, down to
 # LEAST of itself.
