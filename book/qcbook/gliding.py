@@ -106,7 +106,7 @@ class Gliding:
         box, (width, height), end = " ".join(f"{x:g}" for x in self.box), SIZE, 1 + SECONDS
         return f"""<figure class="gliding" style="margin:0;max-width:36rem">
 <svg viewBox="{box}" role="img" aria-label="{html.escape(self.words)}"
-style="width:100%">
+style="width:100%;max-height:max(16rem, calc(100vh - 26rem))">
 <image width="{width}" height="{height}" href="data:image/webp;base64,{self.picture}"/>
 <set attributeName="class" to="glided" begin="1s" dur="{SECONDS}s" onend="{ENDS}"/>
 <g fill="none" stroke-width="5" stroke-linejoin="round" style="filter:drop-shadow(0 0 2px black)">{lines}</g></svg>
