@@ -26,6 +26,7 @@ def made(folder, surface, cortex):
         (folder / name).mkdir(parents=True)
     nibabel.freesurfer.write_geometry(folder / "surf" / "lh.white", *surface, volume_info=GEOMETRY)
     label(folder / "label" / "lh.cortex.label", cortex)
+    nibabel.freesurfer.write_morph_data(folder / "surf" / "lh.thickness", np.full(len(surface[0]), 2.5))
 
 
 @pytest.mark.slow
@@ -49,4 +50,6 @@ def test_a_folder_of_subjects_goes_onto_fsaverage5_and_makes_a_template(tmp_path
     assert "qc/anna" not in ran.stdout and "it stands still" in ran.stdout
     made_here = {path.name for path in (tmp_path / "qc").iterdir()}
     assert {"anna", "ben", "cleo", "lh.anna.npz", "lh.ben.npz", "lh.cleo.npz", "group.html", "group.csv"} == made_here
+    carried = [qc.read_values(tmp_path / "qc" / name / "lh.thickness.func.gii") for name in ("anna", "ben", "cleo")]
+    assert [len(one) for one in carried] == [len(left.vertices)] * 3 and max(map(np.max, carried)) == 2.5
     assert len(list((tmp_path / "template").glob("registration-*.npz"))) == 3

@@ -8,7 +8,7 @@ from docutils import nodes
 
 WIDE = 600  # pixels; a wider figure would have letters of 4 to 8 pixels on a telephone
 PIXELS = re.compile(r"([\d.]+)(?:px)?")
-SHORT = 24  # letters of a formula's source; a longer one may have to be broken
+SHORT = 40  # letters of a formula's source; a longer one may have to be broken
 BEFORE, AFTER = re.compile(r"[(\[]+\Z"), re.compile(r"[,.;:!?)\]]+")
 SIGNS = re.compile(r"(?<=[/_:=,@])(?=\w)|(?<=\w)(?=\.\w)|(?<=\w-)(?=\w)")
 
