@@ -121,7 +121,7 @@ def test_methods_of_folds_say_that_they_need_the_surfaces():
     disk = polar(6)
     p = disk.z[[3, 9]]
     for name in ("hybrid", "dense", "landmark_free"):
-        with pytest.raises(LandmarkError, match="looks at folds.*give it `sides`"):
+        with pytest.raises(LandmarkError, match="looks at folds.*give it `pair`"):
             METHODS[name](Problem(disk, p, p))
 
 
