@@ -9,7 +9,7 @@ import { meshOf, sample, TAU } from "./mesh.js";
 import { mobius, moved } from "./mobius.js";
 import { COLOURS } from "./picture.js";
 import { chart, grid, powers } from "./plots.js";
-import { gap, short, two } from "./words.js";
+import { gap, short, three } from "./words.js";
 
 const SIZE = [COARSE[0], COARSE[1] + 1, 1]; // rings, spokes and grading; an odd number: no boundary point lies opposite to 1
 const STEPS = 100;
@@ -184,10 +184,10 @@ export default {
       fair = turn(1),
       step = Math.min(state.step, values.length - 1),
       ended = state.step > step ? `, where it ended` : "";
-    const [least, most] = [Math.min(...measure), Math.max(...measure)].map((one) => two(one / fair)),
-      near = two(100 * nearHalf(found, state.pole)),
+    const [least, most] = [Math.min(...measure), Math.max(...measure)].map((one) => three(one / fair)),
+      near = three(100 * nearHalf(found, state.pole)),
       centre = short(Math.hypot(w.x[0], w.y[0])),
-      [printed, energy] = [0, 1].map((k) => `${two(values[step][k])} (${two(values[0][k])} at the start)`);
+      [printed, energy] = [0, 1].map((k) => `${three(values[step][k])} (${three(values[0][k])} at the start)`);
     const said = [
       `Seen from ${short(x)} ${y < 0 ? "−" : "+"} ${short(Math.abs(y))} i the boundary steps are ` +
         `${least} to ${most} times the mean; ` +

@@ -5,7 +5,7 @@ import { COLOURS } from "./picture.js";
 import { chart } from "./plots.js";
 import { Solid, turned } from "./solid.js";
 import { edgesOf, normalsOf } from "./triangles.js";
-import { gap, short, two } from "./words.js";
+import { gap, short, three } from "./words.js";
 
 const FRAMES = 20,
   FURTHER = 5, // frames, in the question
@@ -133,10 +133,10 @@ export default {
   },
   words(state, { area, factor, crossing, curvature }) {
     const said = [
-      `Frame ${last(state)} of ${film.K - 1}: the edges' rest lengths are ${two(factor)} times those at first`,
+      `Frame ${last(state)} of ${film.K - 1}: the edges' rest lengths are ${three(factor)} times those at first`,
       `The area is ${(area / 100).toFixed(0)} cm²`,
-      `Curvature times an edge is ${two(spread(curvature))} in the mean square, ` +
-        `${two(spread(film.first.curvature))} at first`,
+      `Curvature times an edge is ${three(spread(curvature))} in the mean square, ` +
+        `${three(spread(film.first.curvature))} at first`,
       `${crossing} of ${film.faces.length / 3} triangles cross others`,
       `The view is turned by ${state.turn}° and tilted by ${state.tilt}°`,
     ];

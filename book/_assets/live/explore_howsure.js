@@ -8,7 +8,7 @@ import { checkWeights, Problem } from "./landmarks.js";
 import { TAU } from "./mesh.js";
 import { COLOURS, inDisk } from "./picture.js";
 import { weights } from "./problems.js";
-import { gap, short, two } from "./words.js";
+import { gap, short, three } from "./words.js";
 
 const MESH = [16, 48]; // rings and spokes, those of the library's posterior
 const MOBIUS_PRIOR = 1e-6; // of the three Möbius parameters, as in the fit
@@ -154,9 +154,9 @@ export default {
       best = least(left);
     const place = SEEN[best].map((x) => x.toFixed(2).replace("-", "−")).join(", ");
     return (
-      `90% of the posterior lies within ${two(mean(radii))} of the disk's radius on average over ${SEEN.length} places, ` +
-      `from ${two(least_)} to ${two(most)}, by ${count} landmarks and at s = ${short(scale)}. ` +
-      `One landmark more at (${place}) leaves ${two(left[best])} of that. ` +
+      `90% of the posterior lies within ${three(mean(radii))} of the disk's radius on average over ${SEEN.length} places, ` +
+      `from ${three(least_)} to ${three(most)}, by ${count} landmarks and at s = ${short(scale)}. ` +
+      `One landmark more at (${place}) leaves ${three(left[best])} of that. ` +
       `Exact on a mesh of ${MESH[0]} rings and ${MESH[1]} spokes, at the map without distortion, in ${ms.toFixed(0)} ms.`
     );
   },

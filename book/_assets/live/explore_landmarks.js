@@ -4,7 +4,7 @@ import { Hemisphere } from "./hemisphere.js";
 import { curveDistance, graphOf, lengthOf, places, shortestPath } from "./paths.js";
 import { COLOURS } from "./picture.js";
 import { CORTICES } from "./problems.js";
-import { gap, two } from "./words.js";
+import { gap, three } from "./words.js";
 
 const PIXELS = 200, // of the picture of the curvature, a side
   CLOSER = 3, // the second picture's magnification
@@ -129,7 +129,7 @@ function toTuner({ hemisphere: name, sulcus }, path) {
   return { problem: name, starts: Object.fromEntries(points.map((point, k) => [first + k, point])) };
 }
 
-const mm = (x) => `${two(x)} mm`;
+const mm = (x) => `${three(x)} mm`;
 
 export default {
   name: "landmarks",
@@ -165,7 +165,7 @@ export default {
     const ends = found.own ? found.name : "Ends of your own",
       said = [
         `${ends}: the path along the floor is ${mm(found.length)} long and ${mm(found.deep)} deep on average, ` +
-          `at a cost of ${two(found.cost)}`,
+          `at a cost of ${three(found.cost)}`,
         `The shortest way on the surface is ${mm(found.shortestLength)} long and ${mm(found.shortestDeep)} deep`,
       ];
     if (found.networkApart !== null) said.push(`LD-Net's curve is ${mm(found.networkApart)} from the path along the floor`);

@@ -6,11 +6,11 @@ export const short = (x) =>
 // 10 to the whole number k
 export const ten = (k) => "10" + [...String(k)].map((c) => (c === "-" ? "⁻" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[c])).join("");
 
-// with two digits
-export function two(x) {
-  if (x === 0 || Math.abs(x) >= 1e-4) return String(Number(x.toPrecision(2)));
-  const [digits, power] = x.toExponential(1).split("e");
+// with three digits
+export function three(x) {
+  if (x === 0 || Math.abs(x) >= 1e-4) return String(Number(x.toPrecision(3)));
+  const [digits, power] = x.toExponential(2).split("e");
   return `${digits} × ${ten(Number(power))}`;
 }
 
-export const gap = (x) => x.toExponential(1);
+export const gap = (x) => x.toExponential(2);
