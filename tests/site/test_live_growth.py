@@ -25,7 +25,7 @@ class TestOnTheSite(OnTheSite):
         faces = np.frombuffer(data[start + 2 * count :], np.float32).astype(int).reshape(faces)
         a, b, c = np.moveaxis(positions[:, faces], 2, 0)
         areas = np.linalg.norm(np.cross(b - a, c - a), axis=-1).sum(-1) / 2
-        assert shown.number("The area is") == pytest.approx(areas[0] / 100, abs=0.5)
+        assert shown.number("The area is") == pytest.approx(areas[0] / 100, rel=1e-3)
         shown.press(shown.slider("frame"), "End")
         assert shown.data()["answer"]["area"] == pytest.approx(areas[-1] / areas[0], rel=1e-9)
         assert len(data) < 1.8e6 and " 0 of " in shown.words and "triangles cross" in shown.words

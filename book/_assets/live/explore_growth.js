@@ -134,7 +134,7 @@ export default {
   words(state, { area, factor, crossing, curvature }) {
     const said = [
       `Frame ${last(state)} of ${film.K - 1}: the edges' rest lengths are ${three(factor)} times those at first`,
-      `The area is ${(area / 100).toFixed(0)} cm²`,
+      `The area is ${short(area / 100)} cm²`,
       `Curvature times an edge is ${three(spread(curvature))} in the mean square, ` +
         `${three(spread(film.first.curvature))} at first`,
       `${crossing} of ${film.faces.length / 3} triangles cross others`,

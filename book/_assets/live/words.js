@@ -13,4 +13,4 @@ export function three(x) {
   return `${digits} × ${ten(Number(power))}`;
 }
 
-export const gap = (x) => x.toExponential(2);
+export const gap = (x) => x.toExponential(1);
