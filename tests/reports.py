@@ -25,7 +25,6 @@ REPORT = {
     "features",
     "r",
     "held_out_mm",
-    "dice",
     "log2_area",
     "log2_shape",
     "mobius",

@@ -249,21 +249,6 @@ def test_hemispheres_that_the_files_name_go_with_mirror(folder, capsys, names, o
     assert reason.startswith("mirror: ") and "by their names or metadata" in reason
 
 
-def test_annotations_are_compared_by_their_names(folder, capsys):
-    regions, table = np.arange(193) // 97, np.array([[k * 40, 20, 30, 0, 0] for k in range(2)])
-    nibabel.freesurfer.write_annot(folder / "lh.a.annot", regions, table, ["inner", "outer"], fill_ctab=True)
-    names = {7: ("outer", (1, 0, 0, 1)), 4: ("inner", (0, 1, 0, 1))}
-    write_values(folder / "b.label.gii", np.where(regions, 7, 4), labels=names)
-    files = folder / "lh.a.annot", folder / "b.label.gii"
-    run(*to_register(folder), "--gamma", 1e2, "--annot", *files)
-    overlap = json.loads((folder / "out" / "report.json").read_text())["dice"]
-    assert set(overlap["regions"]) == {"inner", "outer"} and 0.9 < overlap["after"] <= 1
-    assert re.search(r"^Dice +\d\.\d{3} of 2 of 2 regions ", capsys.readouterr().out, re.MULTILINE)
-    np.save(folder / "c.npy", regions)
-    line = refused(capsys, folder, *to_register(folder, out="other"), "--annot", files[0], folder / "c.npy")
-    assert "c.npy: names no regions; give a .label.gii of one map, or an .annot" in line
-
-
 def test_the_report_says_where_it_comes_from_and_holds_the_landmarks(folder, capsys):
     arguments = to_register(folder, "--landmarks", folder / "landmarks.json", "--mirror", "--gamma", 1e2)
     run(*arguments)
@@ -348,7 +333,7 @@ def test_registration_without_landmarks(folder, capsys):
         (["--feature", "depth", "depth", "--no-features"], "--feature and --no-features exclude each other"),
         (["--delta", "0.3", "--no-features"], "--delta and --no-features exclude each other"),
         (["--feature", "thick.npy", "thick.npy"], "thick.npy: 5 values for 193 vertices"),
-        (["--feature", "a.label.gii", "a.label.gii"], "a.label.gii: holds labels, no measure; give it to --annot"),
+        (["--feature", "a.label.gii", "a.label.gii"], "a.label.gii: holds labels, no measure; give a map of numbers"),
         (["--feature", "absent.npy", "thick.npy"], "absent.npy"),
         (["--feature", "depth", "depth", "--delta", "-1"], "delta = -1.0: must be finite"),
         (["--hold-out", "west"], "no curve is called 'west'"),

@@ -331,19 +331,6 @@ def test_a_map_that_is_not_finite_on_the_cortex_is_named_in_whole_numbers(made, 
     assert f"rh.bad.npy: not finite on the cortex at vertices [{vertex}]" in line
 
 
-def test_annotations_of_another_surface_or_side_are_one_line(made, tmp_path, capsys):
-    """fsaverage's, which has 16 times fsaverage5's vertices, and the other hemisphere's."""
-    table = np.array([[25, 5, 25, 0, 0], [100, 20, 30, 0, 0]])
-    large = tmp_path / "rh.aparc.annot"
-    nibabel.freesurfer.write_annot(large, np.arange(16 * 642) % 2, table, ["unknown", "cuneus"], fill_ctab=True)
-    for annotation, message in (
-        (large, r"rh.aparc.annot: 10272 values for \d+ vertices .*, 642 before it was cut open"),
-        (made / "lh.aparc.annot", "lh.aparc.annot: is of the left hemisphere"),
-    ):
-        words = "--annot", annotation, made / "lh.aparc.annot", "--out", tmp_path / "out"
-        assert re.search(message, refused(capsys, tmp_path, *to_register(made, *words)))
-
-
 def test_landmarks_on_the_wall_are_one_line(made, tmp_path, capsys):
     landmarks = json.loads((made / "landmarks.json").read_text())
     vertex = int(qc.read_surface(made / "rh.pial").vertices[:, 2].argmin())

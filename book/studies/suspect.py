@@ -5,9 +5,9 @@
 Pairs are drawn from the two hemispheres of fsaverage5 (the right one mirrored) with the surfaces of
 --also, which carry curves of the same names, and from synthetic subjects, for which whole surfaces
 are made up that they were cut from. Four to eleven curves a pair, by their ends or whole, either
-method; or one or two, or the folds alone, the other curves held out and the nearest curve's name an
-annotation. All are registered. Writes qclearn/benchmark/results/suspect.json, every case with its
-values. A stopped run goes on at the commit that it began with.
+method; or one or two, or the folds alone, the other curves held out. All are registered.
+Writes qclearn/benchmark/results/suspect.json, every case with its values. A stopped run goes on at
+the commit that it began with.
 """
 
 import re
@@ -18,7 +18,6 @@ from pathlib import Path
 
 import click
 import numpy as np
-from scipy.sparse.csgraph import dijkstra
 from tqdm import tqdm
 
 import qclearn as qc
@@ -28,7 +27,7 @@ from qclearn.io.checkpoint import Checkpoint
 from qclearn.io.provenance import commit
 from qclearn.plane.disk import Disk
 from qclearn.registration import diagnose
-from qclearn.registration.curves import check_curves, edge_graph, fundus_metric, fundus_path, held_apart, weigh_edges
+from qclearn.registration.curves import check_curves, held_apart
 from qclearn.registration.diagnose import (
     align_by_folds,
     compared,
@@ -117,16 +116,6 @@ def spoil(kind, rng, moving, control, curves):
     return moving, control
 
 
-def parcels(surface, curves, side):
-    """The name of the curve nearest to each vertex (V,), along the edges: an annotation."""
-    metric, distances = fundus_metric(surface), []
-    graph = edge_graph(surface, weigh_edges(surface, np.ones(len(surface.vertices))))
-    for curve in curves:
-        path = fundus_path(surface, *curve[side], metric) if len(curve[side]) == 2 else curve[side]
-        distances.append(dijkstra(graph, directed=False, indices=path, min_only=True))
-    return np.array([curve["name"] for curve in curves])[np.argmin(distances, axis=0)]
-
-
 def hypotheses(sides):
     """What decides about mistakes: of each kind of hypothesis the one that fits best, dict of dicts."""
     found, given = {}, given_hypothesis(sides)
@@ -172,9 +161,6 @@ def outcome(result, moving):
         before, after = np.transpose(list(report["held_out_mm"].values()))
         case |= {"held_out_mm": report["held_out_mm"], "worse": float(after.mean() / before.mean() - 1)}
         case |= {"worse_mm": float((after - before).mean()), "worse_curve_mm": float((after - before).max())}
-    if report["dice"]:
-        overlap = [report["dice"][when] for when in ("before", "after")]
-        case |= {"dice": overlap, "worse_dice": 1 - overlap[1] / overlap[0]}
     return case
 
 
@@ -184,8 +170,6 @@ def measure(kind, number, groups):
     names, moving, control, curves = draw(rng, groups, kind)
     fitted = [curve for curve in curves if not curve["hold_out"]]
     few, alone = kind.endswith(FEW), kind.endswith(ALONE)
-    sides = {"moving": moving, "control": control} if few or alone else {}
-    annotations = [parcels(surface, curves, side) for side, surface in sides.items()]
     moving, control = spoil(kind, rng, moving, control, fitted)
     method = ("exact", "network")[number % 2] if not (few or alone) else "exact"
     features = FOLDS if alone or (few and number % 2) else None
@@ -206,9 +190,7 @@ def measure(kind, number, groups):
             case |= {"hypotheses": hypotheses(sides), "mistakes": diagnose_landmarks(sides)}
             result = qc.register(moving, control, curves, method=method, features=None, accept_suspect=True)
         else:
-            result = qc.register(
-                moving, control, curves, features=features, annotations=annotations, accept_suspect=True
-            )
+            result = qc.register(moving, control, curves, features=features, accept_suspect=True)
             said = [reason for reason in result.report["suspect"] if reason.split(":")[0] in WORDS.values()]
             case |= {"mistakes": said} | folds_say(moving, control, entries, result)
         case |= outcome(result, moving)

@@ -1,4 +1,4 @@
-"""Weights, features and regions from the options of `qclearn register`."""
+"""Weights and features from the options of `qclearn register`."""
 
 from pathlib import Path
 
@@ -6,8 +6,7 @@ import click
 import numpy as np
 
 from ..io.hemisphere import require_side
-from ..io.meshes import frame_of
-from ..io.values import read_map, read_regions
+from ..io.values import read_map
 from ..registration.features import FOLDS, Feature, FeatureError
 from ..surfaces.units import UNITS
 
@@ -48,7 +47,7 @@ def feature_of(hemisphere, path):
     given = read_map(path)
     require_side(path, given.side, hemisphere.frame.side, hemisphere.path)
     if given.is_integer and len(given.labels or ()) > 1:  # more than Workbench's ???
-        raise FeatureError(f"{path}: holds labels, no measure; give it to --annot")
+        raise FeatureError(f"{path}: holds labels, no measure; give a map of numbers")
     values = hemisphere.numbering.on_cut_surface(given.values, path)
     finite = np.isfinite(values.reshape(len(values), -1)).all(axis=1)
     # `register` would name the vertices by their numbers on the disk.
@@ -58,9 +57,3 @@ def feature_of(hemisphere, path):
             f"{path}: not finite on the cortex at vertices {bad[:5].tolist()}; fill them in first"
         )
     return values
-
-
-def regions_of(hemisphere, path):
-    """The names of regions (V,) of an annotation on the disk."""
-    require_side(path, frame_of(path).side, hemisphere.frame.side, hemisphere.path)
-    return hemisphere.numbering.on_cut_surface(read_regions(path), path)

@@ -18,7 +18,7 @@ from ..registration.problem import DELTA, DELTA_BY_DISKS, ETA, Weights
 from ..registration.register import Stages
 from ..registration.register import register as run_registration
 from ..registration.transfer import side_arrays, write_registration
-from .given import given_features, merge_option, regions_of, units_option
+from .given import given_features, merge_option, units_option
 from .output import fail, output_folder
 from .sphere import FILES as SPHERES
 from .sphere import ControlSphere, sphere_of, write_sphere
@@ -78,12 +78,6 @@ def refuse_sure(context, parameter, value):
 @click.option("--no-features", is_flag=True, help="Landmarks alone, the paper's setting.")
 @click.option("--no-landmarks", is_flag=True, help="Features alone.")
 @click.option("--hold-out", multiple=True, metavar="NAME", help="Measure a curve, do not fit it.")
-@click.option(
-    "--annot",
-    nargs=2,
-    metavar="MOVING CONTROL",
-    help="Annotations (.annot, .label.gii) to compare by the regions' names; they are not fitted.",
-)
 @click.option("--uncertainty", is_flag=True, help=f"Also write {UNCERTAINTY}: the 90 % radius, mm.")
 @click.option("--sure", is_flag=True, hidden=True, expose_value=False, callback=refuse_sure)
 @click.option("--sliding", is_flag=True, help="Let inner points slide along their target curves.")
@@ -122,13 +116,11 @@ def register(
       rows:        the map folded, and was repaired at more than 0.5 % of the vertices
       distortion:  |mu| is over 0.9 on more than 1 % of the surface
       features:    those of the two sides hardly agree, have opposite signs, or lead far from places in space
-      worse:       a held-out curve or the annotations fit clearly worse than after the best Möbius map
+      worse:       a held-out curve fits clearly worse than after the best Möbius map
       units:       a surface has the length of a hemisphere in metres or micrometres: give --units
     """
     # What is left in options after this goes straight to `qclearn.register`, under its names.
-    no_features, no_landmarks, annot = (
-        options.pop(name) for name in ("no_features", "no_landmarks", "annot")
-    )
+    no_features, no_landmarks = (options.pop(name) for name in ("no_features", "no_landmarks"))
     if no_landmarks and landmarks:
         raise qc.LandmarkError("--landmarks and --no-landmarks exclude each other; drop one")
     files = (moving, cortex), (control, control_cortex)
@@ -137,8 +129,7 @@ def register(
     pair = replace(pair, sphere=sphere and sphere_of(pair, sphere))
     features = given_features(pair, options.pop("given"), no_features, options["delta"])
     curves = [] if no_landmarks else curves_to_fit(pair, features, landmarks)
-    regions = [regions_of(*one) for one in zip(hemispheres, annot)] if annot else None
-    register_into(out, pair, curves, features=features, annotations=regions, **options)
+    register_into(out, pair, curves, features=features, **options)
 
 
 @click.command()
@@ -287,10 +278,6 @@ def print_report(report, out):
         before, after = np.mean(list(report["held_out_mm"].values()), axis=0)
         text = f"{after:.2f} mm, mean of the curves ({before:.2f} after the best Möbius map)"
         line("held out", text)
-    if report["dice"]:
-        before, after = report["dice"]["before"], report["dice"]["after"]
-        some = f"of {len(report['dice']['regions'])} of {report['dice']['of']} regions"
-        line("Dice", f"{after:.3f} {some} ({before:.3f} after the best Möbius map)")
     for name, (before, after) in report["r"].items():
         line(f"r({name})", f"{after:.3f} ({before:.3f} after the best Möbius map)")
     mean, deviation, most = (report[f"{name}_abs_mu"] for name in ("mean", "sd", "max"))

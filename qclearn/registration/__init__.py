@@ -11,7 +11,7 @@
   ends.
 - gauss_newton, residuals: the objective, one step on one mesh, and the terms that it lowers.
 - networks: maps that networks predict, checked, and replaced or fitted further where they fail.
-- metrics, report: errors, distortion, held-out curves, Dice.
+- metrics, report: errors, distortion, held-out curves.
 - uncertainty: the error radius.
 
 Beside it: transfer (values carried, result files), sphere (maps for other programs), and

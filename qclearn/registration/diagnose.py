@@ -47,8 +47,6 @@ LIMITS = {
     "worse_mm": 0.5,  # the same in mm; -15 to 3.4 | -14 to 15
     # The same of one curve, with 0.1 of its distance before; -13 to 18 | -9.3 to 42.
     "worse_curve_mm": 10.0,
-    # Loss of the annotations' Dice, as a share of it; -0.84 to 0.23 | -0.85 to 0.71.
-    "worse_dice": 0.05,
 }
 ROUNDING = 1e-9  # in the disk: a misfit of this size is none
 
@@ -413,9 +411,8 @@ def strong_distortion(moving, mu):
         )
 
 
-def worse(held_out_mm, dice):
-    """`worse:` where held-out curves, or annotations by their `dice`, fit clearly worse than after
-    the Möbius map."""
+def worse(held_out_mm):
+    """`worse:` where held-out curves fit clearly worse than after the Möbius map."""
     facts = []
 
     def rises(before, after, least):
@@ -429,8 +426,6 @@ def worse(held_out_mm, dice):
     for name, (before, after) in held_out_mm.items():
         if rises(before, after, "worse_curve_mm"):
             facts.append(f"{name!r} ends {after:.1f} mm from its target ({before:.1f}")
-    if dice and dice["after"] < (1 - LIMITS["worse_dice"]) * dice["before"]:
-        facts.append(f"the annotations' Dice is {dice['after']:.2f} ({dice['before']:.2f}")
     if facts:
         facts = ", and ".join(f"{fact} after the best Möbius map)" for fact in facts)
         yield (

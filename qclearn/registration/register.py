@@ -10,6 +10,7 @@ from jaxtyping import Complex, Float, Integer
 from numpy import ndarray
 from tqdm import tqdm
 
+from ..moved import gone
 from ..surfaces.conformal import parameterize
 from ..surfaces.surface import Mesh, Surface, require_disk, require_outward
 from ..surfaces.units import other_units, relative_units
@@ -20,14 +21,14 @@ from .fit import checked, fit_with_fallbacks
 from .networks import TOLERANCE, certified_network_map, gamma_messages, predicted
 from .pair import SurfacePair, align_disks, sample_landmarks
 from .problem import DELTA, DELTA_BY_DISKS, ETA, LandmarkError, Weights
-from .report import check_annotations, report_of
+from .report import report_of
 from .uncertainty import check_uncertainty, uncertainty_of, uncertainty_report
 
 STOPPED = (
     "the landmarks are wrong (see suspect), so nothing was fitted: this is the Möbius map that "
-    "aligns the ends of the curves, or the folds; features, held-out curves, annotations and the "
-    "radius were not computed; correct the landmarks, or fit them as they are by "
-    "accept_suspect=True, --accept-suspect"
+    "aligns the ends of the curves, or the folds; features, held-out curves and the radius "
+    "were not computed; correct the landmarks, or fit them as they are by accept_suspect=True, "
+    "--accept-suspect"
 )
 STAGES = {"exact": (6, 7), "network": (10, 9)}  # how many run without and with features
 
@@ -99,7 +100,7 @@ def register(
     features: list | tuple | None = FOLDS,
     delta: float | None = None,
     hold_out: list | tuple = (),
-    annotations: tuple | list | None = None,
+    annotations: None = None,
     eta: float | None = None,
     uncertainty: bool = False,
     accept_suspect: bool = False,
@@ -129,8 +130,6 @@ def register(
     other than 1. None: landmarks alone, the paper's setting.
 
     hold_out: names of curves (or `"hold_out": true` in the file) that are measured and not fitted.
-    annotations: both sides' names of each vertex's region, a pair (V,) and (W,) of text, also of
-    the whole surfaces that these were cut from; their Dice is measured.
     uncertainty: also a radius in mm at each moving vertex, calibrated where the truth is known
     (uncertainty.py): `result.uncertainty` and `report["uncertainty"]`.
     accept_suspect: fit wrong landmarks, too. By default landmarks that are swapped, reversed,
@@ -148,6 +147,8 @@ def register(
     are asked for and torch is not installed.
     """
     # Everything that can be refused without a computation is refused here.
+    if annotations is not None:
+        raise ValueError(gone("register(annotations=)"))
     tolerance = check_method(method, sliding, tolerance, features)
     eta = check_eta(eta, method, features)
     delta = check_delta(delta, features, DELTA if eta else DELTA_BY_DISKS)
@@ -155,7 +156,6 @@ def register(
     if uncertainty:
         check_uncertainty(features, method, sliding, weights)
     fitted, held = given_curves(moving, control, curves, features, hold_out)
-    regions = check_annotations(annotations, moving, control)
     stages = Stages(STAGES[method][features is not None] + uncertainty, progress)
     networks = {}
     if method == "network":
@@ -181,7 +181,6 @@ def register(
     stopped = bool(wrong) and not accept_suspect
     if stopped:
         pair = replace(pair, held=[], features=None)
-        regions = None
         networks = {}
 
     # Sulci are detected between their ends, and each curve gives ten landmarks.
@@ -204,7 +203,7 @@ def register(
     # The inverse of the control's disk map takes the vertices to the control, where we measure.
     with stages("pull_back"):
         points = pair.control.lift(fit.f)
-        report = report_of(pair, landmarks, weights, fit, points, regions)
+        report = report_of(pair, landmarks, weights, fit, points)
     suspect = [*wrong, *other_units(moving=moving, control=control)]
     lowered = gamma_messages(networks["cpnet"], weights) if networks else []
     report |= {

@@ -228,18 +228,12 @@ def test_strong_distortion_is_measured_by_area_and_not_by_faces():
 
 def test_held_out_curves_that_end_farther_off_are_told():
     near = {"a": (10.0, 4.0), "b": (2.7, 3.1)}
-    assert list(worse(near, {})) == list(worse({}, {})) == list(worse({"a": (0.1, 0.5), "b": (3.0, 3.1)}, {})) == []
-    assert list(worse({"a": (50.0, 54.0)}, {})) == list(worse(near | {"c": (8.0, 13.1)}, {})) == []
-    (reason,) = worse({"a": (2.0, 3.1), "b": (3.0, 3.1)}, {})
+    assert list(worse(near)) == list(worse({})) == list(worse({"a": (0.1, 0.5), "b": (3.0, 3.1)})) == []
+    assert list(worse({"a": (50.0, 54.0)})) == list(worse(near | {"c": (8.0, 13.1)})) == []
+    (reason,) = worse({"a": (2.0, 3.1), "b": (3.0, 3.1)})
     assert reason.startswith("worse: the held-out curves end 3.1 mm from their targets on average (2.5 after")
-    (reason,) = worse({"a": (30.0, 4.0), "c": (8.0, 18.1)}, {})
+    (reason,) = worse({"a": (30.0, 4.0), "c": (8.0, 18.1)})
     assert reason.startswith("worse: 'c' ends 18.1 mm from its target (8.0 after")
-
-
-def test_annotations_that_agree_less_are_told():
-    assert list(worse({}, {"before": 0.8, "after": 0.77})) == []
-    (reason,) = worse({"a": (4.0, 9.5)}, {"before": 0.8, "after": 0.75})
-    assert "9.5 mm" in reason and "the annotations' Dice is 0.75 (0.80 after the best Möbius map)" in reason
 
 
 def test_all_reasons_come_in_one_list(sides):
@@ -263,7 +257,8 @@ def measured():
 
 
 def test_the_limits_are_those_that_were_measured_and_no_good_case_is_suspect(measured):
-    assert measured["limits"] == LIMITS
+    known = {name: measured["limits"][name] for name in LIMITS}
+    assert known == LIMITS and set(measured["limits"]) - set(LIMITS) <= {"worse_dice"}
     good = [case for case in measured["cases"] if case["kind"].startswith("good")]
     assert {case["kind"] for case in good} == {"good", "good, one or two", "good, folds alone"}
     assert len(good) >= 200 and all(case["mistakes"] == [] for case in good)

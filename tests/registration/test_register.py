@@ -479,6 +479,7 @@ def test_without_torch_the_error_says_what_to_install(monkeypatch, pair):
 @pytest.mark.parametrize(
     "options, message",
     [
+        ({"annotations": (["a"], ["a"])}, r"register\(annotations=\) went with version 0.3: .*f1_score"),
         ({"tolerance": 1e-3}, "tolerance belongs to method 'network'"),
         ({"method": "network", "sliding": True}, "sliding belongs to method 'exact'"),
         ({"method": "network", "tolerance": 0.0}, "tolerance = 0.0: give a positive landmark error"),
