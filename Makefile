@@ -33,7 +33,7 @@ export PYDEVD_DISABLE_FILE_VALIDATION ?= 1
 # forbidden to. Torch, Matplotlib and pyvista take 8 seconds from their sources, 3 compiled.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: book test test-unit test-site test-slow lab lab-copies edit notebooks course decks clear picture tag clean
+.PHONY: book test test-unit test-site test-slow lab lab-copies edit notebooks course decks clear clean
 .DELETE_ON_ERROR:
 
 book: $(INSTALLED)
@@ -80,15 +80,6 @@ course: $(INSTALLED)
 decks: $(INSTALLED)
 	$(BIN)/python -m book.builder.decks --jobs $(JOBS)
 	@echo "Slides: $(BIN)/python -m http.server --directory build/decks, then http://localhost:8000/opening.html"
-
-# The picture of the README.
-picture: $(INSTALLED)
-	$(BIN)/python -m book.builder.readme_picture
-
-# The tag of a release, v<version>: of a clean tree whose CHANGELOG.md begins with the version of pyproject.toml, and
-# whose slow tests pass.
-tag: $(INSTALLED) test-slow
-	$(BIN)/python -m book.builder.tag
 
 clean:
 	rm -rf _build build .venv

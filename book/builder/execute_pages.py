@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 
 import nbformat
 
-from . import costs, expressions, graded, guards, reading, solutions, teaching
+from . import expressions, graded, guards, solutions, teaching
 from .packages import installed_copy
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -27,7 +27,7 @@ PROGRAMS = ("qcbook", "builder", "studies")  # of book/: no pages
 SECONDS_PER_CELL = 120  # one that takes longer is a failure
 PACKAGES = "qclearn", "data_synth", "book/qcbook"
 # The programs that prepare and finish a run, beside this one.
-HELPERS = costs, expressions, graded, guards, reading, solutions
+HELPERS = expressions, graded, guards, solutions
 PASSED_OVER = {"__pycache__", "browser"}
 REPORT = BUILD / "executed.xml"  # of pytest on the last run
 FAILED = "build_book: a notebook failed; the cell and its error are above"
@@ -81,7 +81,6 @@ def prose(notebook):
 
 
 def prepare(notebook):
-    costs.count(notebook)
     try:
         for cell in prose(notebook):
             cell.source = graded.put(cell.source, with_solutions=True)
@@ -89,18 +88,15 @@ def prepare(notebook):
         return [error.args[0]]
     wrong = guards.check(notebook)
     expressions.ask(notebook)
-    costs.ask(notebook)
     solutions.append(notebook)
     return wrong
 
 
 def finish(notebook):
-    costs.take(notebook)
     wrong = solutions.remove(notebook) + expressions.store(notebook)
     if not solutions.SHOWN:
         for cell in prose(notebook):
             cell.source = solutions.without(cell.source, graded.labels())
-    costs.tell(notebook)
     return wrong + errors_in(notebook) + list(guards.pictures_without_a_name(notebook))
 
 
@@ -194,7 +190,6 @@ def run(pages, jobs):
     stop_at(each_page(paths, prepare))
     failed = execute(paths, jobs)
     wrong = {path.stem: list(each_page([path], finish)) for path in paths if path.stem not in failed}
-    copy_book()  # once more: its tables say what the runs cost
     # Good pages have their stamps, so that the next build executes the others alone.
     bad = failed | {page for page, lines in wrong.items() if lines}
     STAMPS.write_text(json.dumps(stamps | {page: new[page] for page in pages if page not in bad}, indent=1))

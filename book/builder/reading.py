@@ -32,11 +32,7 @@ def minutes(page, book=BOOK):
     """Minutes of a page of the book; code that is hidden costs none."""
     if (path := book / f"{page}.md").exists():
         return minutes_of_text(path.read_text(encoding="utf-8"))
-    return minutes_of_cells(nbformat.read(book / f"{page}.ipynb", as_version=4).cells)
-
-
-def minutes_of_cells(cells):
-    """Minutes of a notebook's cells."""
+    cells = nbformat.read(book / f"{page}.ipynb", as_version=4).cells
     shown = [c for c in cells if c.cell_type == "code" and "hide-input" not in c.metadata.get("tags", [])]
     lines = sum(len(cell.source.splitlines()) for cell in shown)
     return lines / LINES + sum(minutes_of_text(c.source) for c in cells if c.cell_type == "markdown")

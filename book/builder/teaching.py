@@ -1,8 +1,7 @@
-"""The tables of the pages for teachers: weeks and a day by minutes, and what a machine for a class
-needs.
+"""The tables of the guide for teachers: weeks and a day, by minutes.
 
-A page says `:::{admonition} Table of weeks`, a line, and `:::`; the build and the copies put the
-table there.
+It says `:::{admonition} Table of weeks`, a line, and `:::`; the build and the copies put the table
+there.
 """
 
 import re
@@ -11,13 +10,11 @@ from functools import cache
 
 import yaml
 
-from . import costs
 from .graded import EXERCISES, places
 from .reading import minutes
 from .references import BOOK, chapters, markdown_of
 
 PLACE = places("Table of")
-STUDENTS, CORES = 30, 16  # of the machine on the sheet for the hub
 
 
 @cache
@@ -121,25 +118,7 @@ def of_the_day():
     return parameterize(plan()["day"]["pages"], plan()["day"]["exercises"], plan()["day"]["class"])
 
 
-def of_costs():
-    """What each page costs a machine, as measured by the build's last run of it."""
-    from .execute_pages import SOURCE
-
-    found = costs.measured(SOURCE)
-
-    def row(name, seconds, gb):
-        whole = [f"{STUDENTS * gb:.0f}", f"{STUDENTS * seconds / CORES / 60:.1f}"]
-        return [name, f"{seconds:.0f}", f"{gb:.2f}", *whole]
-
-    rows = [row(link(page), **found[page]) for page in chapters() if page in found]
-    head = ["page", "seconds", "GB", f"GB, {STUDENTS} students", f"minutes, {STUDENTS} students on {CORES} cores"]
-    if not rows:
-        return "(No page has been executed here yet: `make book` measures them.)"
-    most = {key: max(figures[key] for figures in found.values()) for key in ("seconds", "gb")}
-    return table(head, [*rows, row("the largest", **most)])
-
-
-TABLES = {"weeks": of_weeks, "the-day": of_the_day, "costs": of_costs}
+TABLES = {"weeks": of_weeks, "the-day": of_the_day}
 
 
 def put(text):

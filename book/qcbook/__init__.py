@@ -17,7 +17,6 @@ TABLE = {
     "fitstates": ["fit_state", "states_figure"],
     "gliding": ["Gliding", "View", "view_figure"],
     "live": ["explorable"],
-    "needs": ["needs_figure"],
     "picker": ["LandmarkPicker"],
     "paperlines": ["paper_lines", "paper_table"],
     "traininglab": ["training_lab"],

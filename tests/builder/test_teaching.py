@@ -1,22 +1,19 @@
 """What the guide for teachers lays out is there, fits its weeks, and the recipes name what exists."""
 
 import copy
-import json
 import re
 import tomllib
 
 import nbformat
-import psutil
 import pytest
-from nbformat.v4 import new_code_cell, new_notebook, new_output
 
-from book.builder import costs, execute_pages, references, teaching
+from book.builder import execute_pages, references, teaching
 from book.builder.core import CORE
 from book.builder.graded import EXERCISES
 from book.builder.reading import minutes_of_text
 
 ROOT = references.BOOK.parent
-GUIDE, SHEET = (references.markdown_of(page) for page in ("teaching", "hub"))
+GUIDE = references.markdown_of("teaching")
 
 
 @pytest.fixture
@@ -68,10 +65,8 @@ def test_a_name_that_is_not_there_stops_the_build(plan, key, value):
 
 
 def test_the_tables_stand_in_the_pages():
-    for text, kinds in ((GUIDE, ["weeks", "the-day"]), (SHEET, ["costs"])):
-        assert teaching.PLACE.findall(text) == kinds
-        assert not teaching.PLACE.search(teaching.put(text))
     shown = teaching.put(GUIDE)
+    assert teaching.PLACE.findall(GUIDE) == ["weeks", "the-day"] and not teaching.PLACE.search(shown)
     assert (
         "### Week 6: " in shown and "[The Linear Beltrami Solver](lbs.ipynb)" in shown and "`alpha-signs` (15)" in shown
     )
@@ -91,27 +86,6 @@ def test_a_page_is_read_at_the_pace_of_its_parts():
     assert minutes_of_text("```python\na\nb\nc\nd\ne\n```") == pytest.approx(1)
     folded = ":::{admonition} Answers\n:class: dropdown\nMany words.\n:::\n\n:::{solution} ex-x\nMore.\n:::"
     assert minutes_of_text(folded) == 0
-
-
-def test_a_run_says_what_it_cost(tmp_path):
-    notebook = new_notebook(cells=[new_code_cell("1")])
-    costs.ask(notebook)
-    printed = {}
-    exec(notebook.cells[-1].source, {"print": lambda text: printed.update(text=text)})
-    notebook.cells[-1].outputs = [new_output("stream", name="stdout", text=printed["text"] + "\n")]
-    costs.take(notebook)
-    assert len(notebook.cells) == 1
-    nbformat.write(notebook, tmp_path / "page.ipynb")
-    (tmp_path / "other.ipynb").write_text(json.dumps(new_notebook()))
-    found, total = costs.measured(tmp_path), psutil.virtual_memory().total
-    assert list(found) == ["page"] and 0 < found["page"]["gb"] < total / 1e9 and found["page"]["seconds"] > 0
-
-
-def test_the_sheet_multiplies_for_a_class(monkeypatch):
-    monkeypatch.setattr(costs, "measured", lambda folder: {"lbs": {"seconds": 32.0, "gb": 0.5}})
-    assert "(lbs.ipynb) | 32 | 0.50 | 15 | 1.0 |" in teaching.put(SHEET)
-    monkeypatch.setattr(costs, "measured", lambda folder: {})
-    assert "No page has been executed here yet" in teaching.put(SHEET)
 
 
 def test_the_recipe_without_internet_brings_what_the_build_needs():

@@ -7,10 +7,8 @@ import re
 import pytest
 from places import REDIRECTS, ROOT, SITE
 
-from book.builder import core, costs, references
-from book.builder.execute_pages import SOURCE
+from book.builder import core, references
 
-MOST_GB = 1.5  # of a page's run
 LINK = re.compile(r"(?<!!)\[([^\[\]$`{]+)\]\([#\w.-]+\)")
 
 
@@ -29,12 +27,6 @@ def test_the_address_of_a_page_that_went_into_another_leads_there():
     for old, target in REDIRECTS.items():
         assert (SITE / target).exists()
         assert f'"{target}"' in (SITE / f"{old}.html").read_text(encoding="utf-8")
-
-
-def test_no_page_takes_more_memory_than_a_student_has():
-    found = costs.measured(SOURCE)
-    assert set(found) == {path.stem for path in (ROOT / "book").glob("*.ipynb")}
-    assert {page: cost["gb"] for page, cost in found.items() if cost["gb"] > MOST_GB} == {}
 
 
 def test_there_are_widgets():
