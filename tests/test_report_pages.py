@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 
 from meshes import bowl
 from qclearn.cli import main
+from qclearn.io.mapfile import write_registration
 from qclearn.io.meshes import write_surface
 from qclearn.plane.disk import Disk
-from qclearn.registration.transfer import write_registration
 from qclearn.reports import write_group, write_pair
 from qclearn.reports.finished import FinishedRegistration, ReportError, read_finished
 from qclearn.reports.group import FEWEST, MEASURES, Subject, address_of, scored
@@ -55,8 +55,7 @@ def runs(tmp_path_factory):
 def copied(runs, name, tmp_path, **changes):
     """A copy of a finished folder, its arrays changed, or left out where None."""
     arrays = dict(np.load(runs / name / "registration.npz")) | changes
-    kept = {key: array for key, array in arrays.items() if key not in ("checksum", "format_version")}
-    kept = {key: array for key, array in kept.items() if array is not None}
+    kept = {key: array for key, array in arrays.items() if array is not None}
     (tmp_path / name).mkdir()
     write_registration(tmp_path / name / "registration.npz", kept)
     (tmp_path / name / "report.json").write_text((runs / name / "report.json").read_text())
@@ -242,7 +241,7 @@ def test_a_folder_without_files_is_refused(tmp_path, runs):
 
 def test_a_file_of_an_older_version_is_refused(tmp_path, runs):
     folder = copied(runs, "one", tmp_path, vertices_moving=None, about_moving=None, mirrored=None)
-    with pytest.raises(SurfaceError, match=r"older version.*run `qclearn register` again"):
+    with pytest.raises(SurfaceError, match=r"version 0.1 \(it lacks about_moving, mirrored\); run"):
         write_pair(folder, tmp_path / "page.html")
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 import qclearn as qc
 from known_surfaces import sphere
-from qclearn.registration.transfer import read_registration
+from qclearn.io.mapfile import read_registration
 from test_cli import run
 
 RUN = Path(__file__).parent / "run_of_0_2"

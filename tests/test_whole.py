@@ -12,10 +12,10 @@ import qclearn as qc
 from freesurfer import GEOMETRY
 from known_surfaces import sphere
 from qclearn.io.hemisphere import read_hemisphere
+from qclearn.io.mapfile import read_registration
 from qclearn.io.meshes import frame_of
 from qclearn.io.values import read_map
 from qclearn.registration.curves import on_cut_surfaces
-from qclearn.registration.transfer import read_registration
 from test_cli import everything, refused, run
 
 BALL = sphere()

@@ -11,11 +11,11 @@ import qclearn as qc
 
 from ..group.members import TRAITS
 from ..io.frames import Frame
+from ..io.mapfile import side_arrays, write_registration
 from ..io.meshes import frame_of
 from ..io.safe import npz_arrays, read_bytes
 from ..registration.features import FOLDS
 from ..registration.problem import DELTA_BY_DISKS
-from ..registration.transfer import side_arrays, write_registration
 from .given import units_option
 from .output import fail, output_folder, say
 

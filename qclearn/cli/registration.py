@@ -11,13 +11,13 @@ import numpy as np
 import qclearn as qc
 
 from ..io.hemisphere import Hemisphere, read_hemisphere
+from ..io.mapfile import side_arrays, write_registration
 from ..io.provenance import origin
 from ..io.safe import printable
 from ..registration.curves import curves_of_both, on_cut_surfaces, read_landmarks
 from ..registration.problem import DELTA, DELTA_BY_DISKS, ETA, Weights
 from ..registration.register import Stages
 from ..registration.register import register as run_registration
-from ..registration.transfer import side_arrays, write_registration
 from .given import given_features, merge_option, units_option
 from .output import fail, output_folder
 from .sphere import FILES as SPHERES

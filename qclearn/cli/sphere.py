@@ -10,11 +10,11 @@ import qclearn as qc
 from ..io.frames import Frame
 from ..io.fsaverage import whole_fsaverage5
 from ..io.hemisphere import NAMED, require_side
+from ..io.mapfile import frame_of_side, numbering_of_side, read_registration
 from ..io.meshes import frame_of
 from ..io.safe import naming
+from ..io.sphere import RINGS, registered_sphere, require_whole, unit_sphere
 from ..registration.metrics import distortion_maps
-from ..registration.sphere import RINGS, registered_sphere, require_whole, unit_sphere
-from ..registration.transfer import frame_of_side, numbering_of_side, read_registration
 from .output import output_folder, say
 
 OTHER = {"left": "right", "right": "left", None: None}
@@ -58,7 +58,7 @@ def sphere(registration, control_sphere, out):
     that on the moving one, as wb_command -surface-distortion has it, and ShapeDistortion.shape.gii
     log2 of the ratio of the principal stretches; both are of the moving hemisphere, 0 on its wall.
     """
-    arrays = read_registration(registration, surfaces=True)
+    arrays = read_registration(registration)
     for side in ("moving", "control"):
         table, faces = arrays.get(f"table_{side}"), arrays.get(f"whole_faces_{side}")
         with naming(registration):

@@ -13,9 +13,9 @@ import qclearn as qc
 from ..io.annotations import nothing_key
 from ..io.frames import side_of_name
 from ..io.hemisphere import frame_of_whole, opened, require_side
+from ..io.mapfile import frame_of_side, numbering_of_side, read_registration
 from ..io.meshes import frame_of, read_mesh
 from ..io.values import Map, read_map
-from ..registration.transfer import frame_of_side, numbering_of_side, read_registration
 from ..registration.transfer import transfer as transfer_map
 from .given import merge_option, units_option
 from .output import file_option, file_to_write, say

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from ..io.mapfile import read_registration
 from ..io.safe import read_bytes
 from ..plane.disk import Disk
 from ..plane.linear import around_vertices, face_areas
 from ..registration.features import FINEST, Features, Smoothing
 from ..registration.metrics import SMALLEST_RATIO
-from ..registration.transfer import read_registration
 from ..surfaces.conformal import ParameterizedSurface
 from ..surfaces.curvature import mean_curvature
 from ..surfaces.surface import Surface, SurfaceError
@@ -51,7 +51,7 @@ class Maps:
 
 @dataclass(frozen=True, eq=False)
 class FinishedRegistration:
-    """The arrays of a registration.npz of format 2 and the report.json of the same run."""
+    """The arrays of a registration.npz and the report.json of the same run."""
 
     folder: Path
     arrays: dict
@@ -134,7 +134,7 @@ def read_finished(folder):
     if missing:
         names = " and no ".join(missing)
         raise ReportError(f"{folder}: has no {names}; give a folder that `qclearn register` wrote")
-    arrays = read_registration(folder / FILES[0], surfaces=True)
+    arrays = read_registration(folder / FILES[0])
     report = read_report(folder / FILES[1])
     size = abs(arrays["mu"])
     reported = [report["mean_abs_mu"], report["max_abs_mu"]]

@@ -1,7 +1,7 @@
 """Damaged files against every reader: each must be read as a sound surface or map, or refused in
 one line that names it.
 
-    python tests/fuzz/fuzz_readers.py {files,registration,crafted} 2000 --seed 7 [--out ROWS.jsonl]
+    python tests/fuzz/fuzz_readers.py {files,crafted} 2000 --seed 7 [--out ROWS.jsonl]
 
 A case is (seed, number) and is made again from them. Each runs in a forked process with 10 s and 2
 GiB of addresses. Verdicts: refused, accepted, and the faults: noisy (it wrote or warned), unnamed
@@ -31,7 +31,6 @@ from qclearn.io.frames import Frame
 from qclearn.io.meshes import SlitWarning, frame_of
 from qclearn.io.safe import LeftOutWarning
 from qclearn.registration.curves import check_curves, read_landmarks
-from qclearn.registration.transfer import numbering_of_side, read_registration, side_arrays, write_registration
 
 SECONDS, ADDRESSES, RESIDENT = 10, 2 << 30, 600 << 20
 FAULTS = {"noisy", "unnamed", "raw", "wrong", "memory", "hang", "crash"}
@@ -204,52 +203,6 @@ def crafted(sound, blocks=96):
         yield "c.json", text
 
 
-def sound_registration(path):
-    """A registration.npz of the bowl onto itself, by a turn."""
-    z, faces = qc.polar_disk(4, 12)
-    disks = {"disk_map": z * np.exp(0.3j), "disk_control": z, "faces_moving": faces, "faces_control": faces}
-    surface = qc.Surface(np.stack([z.real, z.imag, 1 - abs(z) ** 2], axis=1), faces, {}, np.arange(len(z)) + 2)
-    frame = Frame("left", kind="Pial", count=len(z) + 2, whole=np.arange(len(z) + 2).reshape(-1, 3))
-    sides = side_arrays("moving", surface, frame) | side_arrays("control", surface, frame)
-    write_registration(path, disks | sides | {"mirrored": np.array(False)})
-
-
-def damaged_registration(path, dice, checksum):
-    """registration.npz with one array changed; checksum=False: without the checksum, as an older
-    program wrote it."""
-    sound_registration(path)
-    with np.load(path) as file:
-        arrays = dict(file)
-    if not checksum:
-        del arrays["checksum"], arrays["format_version"]
-    name = dice.choice(list(arrays))
-    array, number = arrays[name], dice.randrange(1, 20)
-    if array.ndim:
-        changed = [
-            lambda: array[:-number],
-            lambda: array[:0],
-            lambda: array[..., None],
-            lambda: array.astype("U5"),
-            lambda: array * 10**9,
-            lambda: array + 5,
-            lambda: array * 0,
-            lambda: np.full_like(array, array[0]),
-            lambda: np.random.default_rng(number).permutation(array),
-            lambda: array.ravel()[:10].reshape(2, 5),
-            lambda: np.where(np.arange(array.size).reshape(array.shape) == number, np.nan, array),
-            lambda: np.where(np.arange(array.size).reshape(array.shape) == number, 10**7, array),
-            lambda: arrays[dice.choice(list(arrays))],
-            lambda: array.astype("u1"),
-            lambda: -array,
-        ]
-    else:
-        changed = [lambda: np.array(99), lambda: np.array("x"), lambda: np.array([1, 2]), lambda: np.array(np.nan)]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of casts
-        arrays[name] = dice.choice(changed)()
-    np.savez(path, **arrays)
-
-
 def consume(path):
     """Read a file by what its name says; AssertionError where what comes back is not sound."""
     surface = bowl()
@@ -257,14 +210,6 @@ def consume(path):
         check_curves(read_landmarks(path), surface, surface)
     elif path.name.endswith(".label"):
         assert qc.read_mask(path, surface).shape == (len(surface.vertices),)
-    elif path.name == "registration.npz":
-        arrays = read_registration(path)
-        assert all(np.isfinite(arrays[name]).all() for name in ("disk_map", "disk_control"))
-        assert all(numbering_of_side(arrays, side).size for side in ("moving", "control"))
-        assert all(
-            arrays[f"faces_{side}"].max() < len(arrays[disk])
-            for side, disk in (("moving", "disk_map"), ("control", "disk_control"))
-        )
     elif path.name.startswith("v.") or path.name in ("lh.thickness", "lh.regions.annot"):
         values = qc.read_values(path)
         assert values.ndim in (1, 2) and values.dtype.kind in "biuf"
@@ -323,21 +268,11 @@ def cases(kind, count, seed, folder):
     names = [name for name in sound for _ in range(1 if ".vt" in name else 4)]  # VTK's take a process each
     for number in range(count):
         dice = random.Random(f"{kind} {seed} {number}")
-        if kind == "registration":
-            yield (str(number), lambda place, dice=dice: register_damaged(place / "registration.npz", dice))
-        else:
-            name = dice.choice(names)
-            yield (
-                f"{number} {name}",
-                lambda place, name=name, dice=dice: write(place / name, damaged(name, sound[name], dice)),
-            )
-
-
-def register_damaged(path, dice):
-    damaged_registration(path, dice, checksum=dice.random() < 0.5)
-    if dice.random() < 0.3:
-        path.write_bytes(damaged(path.name, path.read_bytes(), dice))
-    return path
+        name = dice.choice(names)
+        yield (
+            f"{number} {name}",
+            lambda place, name=name, dice=dice: write(place / name, damaged(name, sound[name], dice)),
+        )
 
 
 def write(path, data):
@@ -346,7 +281,7 @@ def write(path, data):
 
 
 def main():
-    options = read_options(__doc__, ["files", "registration", "crafted"])
+    options = read_options(__doc__, ["files", "crafted"])
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
     def found(first):

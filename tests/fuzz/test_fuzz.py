@@ -42,15 +42,6 @@ def test_damaged_files_are_refused_by_name_or_read_as_sound(fuzz, sound, tmp_pat
     assert sum(result[0] == "refused" for result in found.values()) > 100
 
 
-def test_damaged_registrations_are_refused_or_sound(fuzz, tmp_path):
-    path, found = tmp_path / "registration.npz", {}
-    for number in range(60):
-        fuzz.damaged_registration(path, random.Random(f"test {number}"), checksum=number % 2 == 0)
-        found[number] = fuzz.verdict(path)
-    assert {case: result for case, result in found.items() if result[0] in fuzz.FAULTS} == {}
-    assert all(found[number][0] == "refused" for number in range(0, 60, 2) if "checksum" in found[number][1])
-
-
 def test_attacks_are_refused_within_bounds(fuzz, sound, tmp_path):
     """Bombs, announced sizes, entities, pickles: in a process with limits, as in the tool."""
     attacks = list(fuzz.crafted(sound, blocks=6))

@@ -7,10 +7,10 @@ import pytest
 from qclearn.cli import main
 from qclearn.io.frames import Frame
 from qclearn.io.hemisphere import Numbering
+from qclearn.io.mapfile import side_arrays, write_registration
 from qclearn.io.meshes import read_surface, write_surface
 from qclearn.io.values import read_map, read_regions, read_values, write_values
 from qclearn.plane.grids import polar_disk
-from qclearn.registration.transfer import side_arrays, write_registration
 from qclearn.surfaces.surface import Surface, SurfaceError
 
 VALUES = np.array([0.1, -2.5, 1 / 3, 7e4])
@@ -290,7 +290,7 @@ def carry(tmp_path):
     arrays = {"disk_map": z, "disk_control": z, "faces_moving": faces, "faces_control": faces}
     for side in ("moving", "control"):
         arrays |= side_arrays(side, disk, Frame("left", count=30))
-    write_registration(tmp_path / "r.npz", arrays)
+    write_registration(tmp_path / "r.npz", arrays | {"mirrored": np.array(False)})
 
     def transferred(name, *options, out="out.npy"):
         words = ["transfer", "r.npz", name, "--to", "control", "--out", out, *options]
