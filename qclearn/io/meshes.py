@@ -1,10 +1,6 @@
 """Reading and writing surfaces; every fault of a file becomes a SurfaceError that names it."""
 
-import io
 import re
-import subprocess
-import sys
-import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +9,7 @@ import numpy as np
 from jaxtyping import Integer
 from numpy import ndarray
 
+from ..moved import GONE, gone
 from ..surfaces.surface import Mesh, Surface, SurfaceError
 from ..surfaces.units import UNITS, size_of
 from . import foreign, gifti, meshformats, safe
@@ -23,27 +20,16 @@ _FREESURFER_SUFFIXES = (
     "", ".pial", ".white", ".inflated", ".sphere", ".reg", ".orig", ".nofix", ".smoothwm",
     ".midthickness", ".graymid",
 )  # fmt: skip
-# VTK may take so much memory beyond what it is born with (RATIO times the file where that is more),
-# and so long.
-VTK_ROOM = 256 << 20
-VTK_RATIO = 40
-VTK_SECONDS = 60
-
-
-class SlitWarning(UserWarning):
-    """Merging the points of an STL file left a slit: neighbours that do not quite meet."""
 
 
 def read_surface(path: str | Path, units: str = "mm", merge: bool = False) -> Surface:
-    """Surface from a file: .npz (vertices, faces, curve_<name>), .gii (also gzipped), .ply, .obj
-    (Wavefront's, or MNI's as CIVET writes it), .off, .stl, .vtk, .vtp, or FreeSurfer's binary
-    triangles, known by their content under any other name (lh.pial, rh.white).
+    """Surface from a file: .npz (vertices, faces, curve_<name>), .gii (also gzipped), .ply,
+    Wavefront's .obj, or FreeSurfer's binary triangles, known by their content under any other name
+    (lh.pial, rh.white).
 
     Coordinates come as stored, without volume geometry or coordinate system. Faces must be
-    triangles; equal points of an STL are merged (SlitWarning where a slit stays). Vertices in no
-    face are dropped; `original_vertices` has the numbers of the others in the file. SurfaceError,
-    with the file and the remedy, where it cannot be read, or announces or unpacks to far more than
-    its size.
+    triangles. Vertices in no face are dropped; `original_vertices` has the numbers of the others
+    in the file. SurfaceError, with the file and the remedy, where it cannot be read.
 
     units: of the file, "mm", "m" or "um": the surface is scaled to mm, unless its length is that of
     a hemisphere in another of these. merge: give points doubled along a seam the lowest of
@@ -55,10 +41,7 @@ def read_surface(path: str | Path, units: str = "mm", merge: bool = False) -> Su
 def surface_of(path, mesh):
     """The Surface of a file's mesh; a SurfaceError names the file."""
     with safe.naming(path):
-        surface = Surface(*mesh.used())
-    if suffix_of(Path(path)) == ".stl":
-        _warn_of_slits(path, surface)
-    return surface
+        return Surface(*mesh.used())
 
 
 def read_mesh(path, units, merge):
@@ -77,7 +60,7 @@ def read_mesh(path, units, merge):
         if held is None and suffix in (".annot", ".label", ".mgh", ".mgz", ".txt", ".npy"):
             held = foreign.MAP
         if held != foreign.SURFACE:
-            held = held or _unknown_format("nor is the content a FreeSurfer surface")
+            held = held or _unknown_format(suffix, "nor is the content a FreeSurfer surface")
             raise SurfaceError(f"{path}: {held}")
     with safe.explain(path, kind):
         arrays = reader(path, data)
@@ -122,8 +105,8 @@ def write_surface(
 ) -> None:
     """Write a surface, whole or not at all, in the format of the path's suffix, as read_surface.
 
-    A FreeSurfer name such as lh.pial, or no suffix: FreeSurfer's binary. FreeSurfer, GIFTI and STL
-    store float32, STL no vertex numbers. Only npz has the curves, only npz and GIFTI
+    A FreeSurfer name such as lh.pial, or no suffix: FreeSurfer's binary. FreeSurfer and GIFTI
+    store float32. Only npz has the curves, only npz and GIFTI
     original_vertices, `open_surface`'s second result (default: the surface's own). surface: also a
     named tuple such as `Registration.surface`. frame: `frame_of` the coordinates' file, which npz
     stores whole, GIFTI and FreeSurfer as far as they can; hemisphere and kind are else by the name.
@@ -157,7 +140,7 @@ def write_surface(
     last = path.suffix.lower()
     freesurfer = last in _FREESURFER_SUFFIXES or is_freesurfer_name(path, last)
     if suffix not in (".npz", ".gii", *_WRITERS) and not freesurfer:
-        message = _unknown_format("nor is the name one of FreeSurfer, such as lh.pial")
+        message = _unknown_format(suffix, "nor is the name one of FreeSurfer, such as lh.pial")
         raise SurfaceError(f"{path}: {message}")
     safe.write_whole(path, write, size=surface.vertices.nbytes + surface.faces.nbytes)
 
@@ -182,7 +165,9 @@ def suffix_of(path):
     return suffixes[-1] if suffixes else ""
 
 
-def _unknown_format(content):
+def _unknown_format(suffix, content):
+    if suffix in GONE:
+        return gone(suffix)
     return f"the suffix is none of {', '.join(_READERS)}, {content}; rename the file or convert it (mris_convert)"
 
 
@@ -255,82 +240,10 @@ def _volume_of(footer):
     return sound_volume({"head": np.frombuffer(head[0], ">i4"), **volume})
 
 
-def _read_vtk(path, data):
-    # in a process of its own: on some damaged files VTK's readers end the process
-    script = Path(__file__).with_name("vtkchild.py")
-    room = max(VTK_ROOM, VTK_RATIO * len(data))
-    command = [sys.executable, "-P", script, path.resolve(), str(room)]
-    try:
-        child = subprocess.run(command, capture_output=True, timeout=VTK_SECONDS, check=False)
-    except subprocess.TimeoutExpired:
-        raise safe.FormatError(f"VTK's reader has not ended after {VTK_SECONDS} s") from None
-    if child.returncode:
-        reason = child.stdout.decode() if child.returncode == 1 else ""
-        raise safe.FormatError(reason or "VTK's reader breaks down on it")
-    arrays = io.BytesIO(child.stdout)
-    return np.load(arrays), np.load(arrays)
-
-
-def _write_to_string(writer, surface):
-    import pyvista  # half a second: only where it is used
-
-    writer.SetInputData(pyvista.PolyData.from_regular_faces(surface.vertices, surface.faces))
-    writer.SetWriteToOutputString(True)  # and the file is written like any other
-    writer.Write()
-
-
-def _write_vtk(surface):
-    from vtkmodules.vtkIOLegacy import vtkPolyDataWriter
-
-    writer = vtkPolyDataWriter()
-    writer.SetFileTypeToBinary()
-    _write_to_string(writer, surface)
-    data = writer.GetOutputStdString()
-    # VTK gives text where the bytes happen to be UTF-8.
-    return data.encode() if isinstance(data, str) else data
-
-
-def _write_vtp(surface):
-    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
-
-    writer = vtkXMLPolyDataWriter()
-    _write_to_string(writer, surface)
-    return writer.GetOutputString().encode()
-
-
-def _warn_of_slits(path, surface):
-    """Warn of torn corners and of neighbours' neighbours on a rim that almost meet."""
-    count = np.bincount(surface.faces.ravel())
-    for loop in surface.boundary_loops:
-        here, beside, twin = (surface.vertices[np.roll(loop, -k)] for k in range(3))
-        near = np.linalg.norm(twin - here, axis=1) < 0.01 * np.linalg.norm(beside - here, axis=1)
-        torn = (count[loop] == 1) & (len(loop) == 4) & (len(surface.faces) > 2)
-        if (near | torn).any():
-            vertex = loop[near | torn][0]
-            warnings.warn(
-                f"{path}: merging equal points leaves a slit at vertex {vertex} "
-                f"({surface.vertices[vertex].tolist()}); check the file, or close it where it was "
-                "made",
-                SlitWarning,
-                stacklevel=3,
-            )
-
-
 _READERS = {
     ".npz": ("npz file", _read_npz),
     ".gii": ("GIFTI surface", lambda _, data: gifti.surface_arrays(gifti.parse(data))),
     ".ply": ("PLY file", meshformats.read_ply),
     ".obj": ("OBJ file", lambda _, data: meshformats.read_obj(data)),
-    ".off": ("OFF file", lambda _, data: meshformats.read_off(data)),
-    ".stl": ("STL file", lambda _, data: meshformats.read_stl(data)),
-    ".vtk": ("VTK file", _read_vtk),
-    ".vtp": ("VTP file", _read_vtk),
 }
-_WRITERS = {
-    ".ply": meshformats.write_ply,
-    ".obj": meshformats.write_obj,
-    ".off": meshformats.write_off,
-    ".stl": meshformats.write_stl,
-    ".vtk": _write_vtk,
-    ".vtp": _write_vtp,
-}
+_WRITERS = {".ply": meshformats.write_ply, ".obj": meshformats.write_obj}

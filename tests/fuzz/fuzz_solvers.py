@@ -1,7 +1,7 @@
 """Random and extreme problems for the solvers, each claim of a bijection checked again in exact
 arithmetic.
 
-    python tests/fuzz/fuzz_solvers.py {beltrami,conformal,fit,register} 1000 --seed 7 [--out ROWS.jsonl]
+    python tests/fuzz/fuzz_solvers.py {beltrami,conformal,fit,register} 1000 --seed 7
 
 A case is (kind, seed, number) and is made again from them. Each runs in a forked process with 120 s
 and 6 GiB of addresses. Verdicts: certified, folded (and said so), refused (one of the library's own
@@ -9,14 +9,20 @@ errors), and the faults: false (claimed bijective, fractions refute it), worse (
 registration above the best Moebius map), silent (not finite), raw (another exception), hang, crash.
 """
 
+import argparse
+import json
+import os
+import resource
+import signal
 import tempfile
+import time
 import warnings
+from collections import Counter
 from fractions import Fraction
 from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
-from forked import forked, read_options, tally  # beside this file
 from scipy.spatial import Delaunay
 
 import qclearn as qc
@@ -207,14 +213,39 @@ def verdict(kind, seed, number):
     return ("worse" if worse else "certified" if claim else "folded"), ""
 
 
+def forked(kind, seed, number, answer):
+    """`verdict` in a process with limits, by way of the file `answer`; ("hang", "") or ("crash", "")
+    without it."""
+    child = os.fork()
+    if not child:
+        os.setsid()
+        resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
+        answer.write_text(json.dumps(verdict(kind, seed, number)))
+        os._exit(0)
+    end = time.monotonic() + SECONDS
+    while os.waitpid(child, os.WNOHANG)[0] == 0:
+        if time.monotonic() > end:
+            os.killpg(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+            return "hang", ""
+        time.sleep(0.002)
+    return json.loads(answer.read_text()) if answer.exists() else ("crash", "")
+
+
 def main():
-    options = read_options(__doc__, list(CASES))
-
-    def guarded(number, folder):
-        return forked(lambda: verdict(options.kind, options.seed, number), folder / str(number), SECONDS, ADDRESSES)
-
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("kind", choices=CASES)
+    parser.add_argument("count", type=int)
+    parser.add_argument("--seed", type=int, default=0)
+    options, count = parser.parse_args(), Counter()
     with tempfile.TemporaryDirectory() as folder:
-        tally(((number, *guarded(number, Path(folder))) for number in range(options.count)), FAULTS, options.out)
+        for number in range(options.count):
+            found, text = forked(options.kind, options.seed, number, Path(folder, str(number)))
+            count[found] += 1
+            if found in FAULTS:
+                print(number, found, text[:300], flush=True)
+    print(dict(count))
+    raise SystemExit(bool(FAULTS & set(count)))
 
 
 if __name__ == "__main__":

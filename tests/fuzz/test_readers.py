@@ -1,0 +1,146 @@
+"""Damaged files against every reader: each is read as a sound surface or map, or refused in one line
+that names it. A case is made again from its seed and number."""
+
+import gzip
+import io
+import json
+import random
+import warnings
+import zipfile
+
+import nibabel
+import numpy as np
+import pytest
+
+import qclearn as qc
+from qclearn.io.frames import Frame
+from qclearn.io.meshes import frame_of
+from qclearn.io.safe import LeftOutWarning
+from qclearn.registration.curves import check_curves, read_landmarks
+
+NUMBERS = [0, 1, 2, 255, 65535, 10**6, 2**31 - 1, 2**31, 2**32 - 1, 2**63, 10**30, -1, -128]
+WORDS = [b"nan", b"inf", b"-inf", b"1e308", b"1e999", b"1.5", b"", b"0x1f", b"9" * 5000, b"1_0", "\u0663".encode()]
+LETTERS = [b" ", b"\n", b"-", b".", b'"', b"<", b">", b"&", b"[", b"{", b"\0", b"\x1b[2J"]
+AXES = {"xras": [-1.0, 0, 0], "yras": [0.0, 0, -1], "zras": [0.0, 1, 0], "cras": [3.5, 12.25, -7.0]}
+VOLUME = {"head": [2, 0, 20], "valid": "1", "filename": "orig.mgz", "volume": [256] * 3, "voxelsize": [1.0] * 3}
+
+
+def bowl():
+    """A disk of 49 vertices in space, with two curves."""
+    z, faces = qc.polar_disk(4, 12)
+    points = np.stack([z.real, z.imag, 0.6 * (1 - abs(z) ** 2)], axis=1) * 50
+    return qc.Surface(points, faces, {"a": [0, 1, 13], "b": [5, 17]})
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory):
+    """name -> bytes: sound files in every format that is read."""
+    folder, surface = tmp_path_factory.mktemp("sound"), bowl()
+    count = len(surface.vertices)
+    frame = Frame("left", "tkr", VOLUME | AXES, "Pial", count, surface.faces)
+    for name in ("s.npz", "s.gii", "s.gii.gz", "s.ply", "s.obj", "lh.pial"):
+        qc.write_surface(folder / name, surface, frame=frame)
+    for name in ("v.npy", "v.txt", "v.shape.gii", "v.func.gii.gz", "v.mgh", "v.mgz", "lh.thickness"):
+        qc.write_values(folder / name, surface.vertices[:, 2])
+    for name in ("v.label.gii", "lh.regions.annot"):
+        qc.write_values(folder / name, np.arange(count) % 5)
+    (folder / "m.label").write_text("#!ascii label\n12\n" + "".join(f"{k} 1.0 2.0 3.0 0.0\n" for k in range(12)))
+    (folder / "c.json").write_text(json.dumps({"curves": [{"name": "a", "moving": [0, 40], "control": [3, 45]}]}))
+    image = nibabel.load(folder / "s.gii")
+    for array in image.darrays:
+        array.encoding = 1  # ASCII
+    (folder / "ascii.gii").write_bytes(image.to_bytes())
+    header = f"ply\nformat ascii 1.0\nelement vertex {count}\nproperty float x\nproperty float y\nproperty float z\n"
+    header += f"element face {len(surface.faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    rows = (*surface.vertices.tolist(), *([3, *face] for face in surface.faces.tolist()))
+    (folder / "ascii.ply").write_text(header + "".join(" ".join(map(str, row)) + "\n" for row in rows))
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+def mutated(data, dice):
+    """Bytes with one kind of damage: bits, cuts, repeats, numbers and words in headers, binary
+    integers."""
+    data, kind = bytearray(data), dice.randrange(8)
+    place, length = dice.randrange(len(data)), dice.choice([1, 2, 4, 12, 64, 400])
+    if kind == 0:
+        for _ in range(dice.choice([1, 8])):
+            data[dice.randrange(len(data))] ^= 1 << dice.randrange(8)
+    elif kind == 1:
+        del data[place:]
+    elif kind == 2:
+        del data[place : place + length]
+    elif kind == 3:
+        data[place:place] = dice.choice([data[place : place + length], dice.randbytes(length), b"\0" * length])
+    elif kind == 4:
+        data[place : place + 1] = dice.choice(LETTERS)
+    elif kind == 5:
+        data[place : place + 4] = (dice.choice(NUMBERS) % 2**32).to_bytes(4, dice.choice(["big", "little"]))
+    else:
+        head = bytes(data[: dice.choice([200, 1500, len(data)])])
+        starts = [k for k in range(len(head)) if head[k : k + 1].isdigit() and not head[k - 1 : k].isdigit()]
+        if starts:
+            start = dice.choice(starts[:16] if kind == 6 else starts)
+            end = start + len(head[start:]) - len(head[start:].lstrip(b"0123456789"))
+            data[start:end] = dice.choice([str(dice.choice(NUMBERS)).encode(), dice.choice(WORDS)])
+    return bytes(data)
+
+
+def damaged(name, data, dice):
+    """A sound file's bytes with one damage, in half the cases inside its compression."""
+    if name.endswith((".gz", ".mgz")) and dice.random() < 0.7:
+        return gzip.compress(mutated(gzip.decompress(data), dice))
+    if name.endswith(".npz") and dice.random() < 0.6:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            members = {member: archive.read(member) for member in archive.namelist()}
+        victim, packed = dice.choice(list(members)), io.BytesIO()
+        with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+            for member, content in members.items():
+                archive.writestr(member, mutated(content, dice) if member == victim else content)
+        return packed.getvalue()
+    return mutated(data, dice)
+
+
+def consume(path):
+    """Whether a file is read, by what its name says, as something sound, or refused by name."""
+    surface = bowl()
+    try:
+        if path.suffix == ".json":
+            landmarks = read_landmarks(path)
+        elif path.suffix == ".label":
+            assert qc.read_mask(path, surface).shape == (len(surface.vertices),)
+        elif path.name.startswith("v.") or path.name in ("lh.thickness", "lh.regions.annot"):
+            values = qc.read_values(path)
+            assert values.ndim in (1, 2) and values.dtype.kind in "biuf"
+        else:
+            read = qc.read_surface(path)
+            frame_of(path)
+            assert np.isfinite(read.vertices).all() and 0 <= read.faces.min() <= read.faces.max() < len(read.vertices)
+    except (qc.SurfaceError, qc.LandmarkError) as error:
+        text = str(error)
+        assert path.name in text and "\n" not in text and "\x1b" not in text and len(text) < 3000
+        return False
+    if path.suffix == ".json":
+        try:
+            check_curves(landmarks, surface, surface)
+        except qc.LandmarkError:  # which knows no file
+            return False
+    return True
+
+
+def test_sound_files_are_read(sound, tmp_path):
+    for name, data in sound.items():
+        (tmp_path / name).write_bytes(data)
+        assert consume(tmp_path / name), name
+
+
+@pytest.mark.parametrize("seed", [1, *[pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 12)]])
+def test_damaged_files_are_refused_by_name_or_read_as_sound(sound, tmp_path, seed):
+    read = 0
+    for number in range(200):
+        dice = random.Random(f"test {seed} {number}")
+        name = dice.choice(list(sound))
+        (tmp_path / name).write_bytes(damaged(name, sound[name], dice))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LeftOutWarning)  # said on purpose
+            read += consume(tmp_path / name)
+    assert read < 100
