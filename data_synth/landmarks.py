@@ -30,7 +30,7 @@ class Perturbation:
     """
 
     def __init__(self, disk, landmarks):
-        self.maps, self.evaluate = DiskMaps(disk), disk.sampling(landmarks)
+        self.maps, self.evaluate = DiskMaps(disk), disk.interpolation(landmarks)
 
     def draw(self, rng, **options):
         """(p (M,), mu (F,), f (V,)) of one random map; options as `random_coefficient`."""

@@ -196,7 +196,7 @@ class Pairs(Seeded):
             # Images take longer than all the rest.
             kind = "image" if rng.random() < 0.2 else "smooth"
             mu = random_coefficient(self.maps.disk, rng, kind, max_abs=(0.05, 0.8))
-            p = self.maps.disk.sampling(q) @ self.maps.solve(mu)
+            p = self.maps.disk.interpolation(q) @ self.maps.solve(mu)
         return (mobius(p, *best_mobius(p, q)) if rng.random() < 0.85 else p), q
 
     def subject(self, rng):

@@ -48,7 +48,7 @@ def polar_lines(rings=10, spokes=24, samples=181):
 def map_curves(disk, f, curves):
     """Complex curves (list) of a `Disk` carried by the piecewise linear map f (V,), a list."""
     ends = np.cumsum([len(curve) for curve in curves])[:-1]
-    return np.split(disk.sampling(np.concatenate(curves)) @ f, ends)
+    return np.split(disk.interpolation(np.concatenate(curves)) @ f, ends)
 
 
 def lines_plot(ax, curves, color):
@@ -143,7 +143,7 @@ def drawn_part(disk, surface):
     if len(disk.z) <= DRAWN:
         return np.arange(len(disk.z)), disk.faces, sparse.eye_array(len(disk.z))
     some, small = thinned(disk, None, DRAWN)
-    means = small.sampling(disk.z).T @ sparse.diags_array(surface.vertex_areas)
+    means = small.interpolation(disk.z).T @ sparse.diags_array(surface.vertex_areas)
     return some, small.faces, sparse.diags_array(1 / np.maximum(means.sum(1), 1e-300)) @ means
 
 

@@ -99,6 +99,6 @@ def test_the_public_functions_are_held_to_their_shapes():
     assert qc.locate is beltrami.locate and qc.mobius is solver.mobius
     with pytest.raises(ShapeError, match="compose_coefficients takes mu_g"):
         qc.compose_coefficients(np.zeros(3, complex), np.ones(3, complex), np.zeros((2, 3), complex))
-    assert hasattr(qc.BeltramiDiskSolver.solve, "__wrapped__") and hasattr(Disk.sampling, "__wrapped__")
+    assert hasattr(qc.BeltramiDiskSolver.solve, "__wrapped__") and hasattr(Disk.interpolation, "__wrapped__")
     with pytest.raises(qc.BeltramiError, match="give complex numbers"):
         qc.signed_areas(np.stack([z, z]), faces)

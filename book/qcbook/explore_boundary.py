@@ -30,7 +30,7 @@ class Boundary(Live):
 
     def seen_from(self, f, pole):
         """The map that sends the pole to 0 and 1 to 1, after f."""
-        f = mobius(f, (self.mesh.sampling([complex(*pole)]) @ f)[0])
+        f = mobius(f, (self.mesh.interpolation([complex(*pole)]) @ f)[0])
         return f / f[self.rim[0]]
 
     def map(self, state):

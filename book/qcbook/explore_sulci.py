@@ -61,7 +61,7 @@ def radius_on_control(name):
     curves = [{"name": sulcus, "moving": p, "control": q} for sulcus, p, q in zip(pair.names, *pair.paths)]
     found = register(pair.moving.surface, pair.control.surface, curves, features=None, uncertainty=True)
     there = Disk(found.disk_map, found.faces_moving)
-    return np.round(10 * there.interpolate(found.uncertainty, there.lookup(found.disk_control))).astype(int)
+    return np.round(10 * there.interpolate(found.uncertainty, there.locate(found.disk_control))).astype(int)
 
 
 class Sulci(Live):

@@ -270,7 +270,7 @@ def registration_scene(registration, shape, registered=True, **more):
         moving = map_curves(Disk(r.disk_moving, r.faces_moving), r.disk_map, moving)
     disk = Disk(r.disk_control, shape.faces)
     curves = [
-        (disk.values_at(curve, shape.vertices), style)
+        (disk.interpolate(shape.vertices, disk.locate(curve)), style)
         for side, style in ((targets, "target"), (moving, "registered"))
         for curve in side
     ]

@@ -149,7 +149,7 @@ def measured(name, people):
                     problem, Weights(1.0, beta, gamma, delta, eta), features=sides.features if delta else None
                 )
                 row = {"setting": setting, "problem": name, "way": way}
-                figures = map_figures(pair, prepared, fit.f, pair.control.disk.lookup, False)
+                figures = map_figures(pair, prepared, fit.f, pair.control.disk.locate, False)
                 row |= {key: figures[key] for key in KEPT}
                 print(json.dumps(row), flush=True)
                 rows.append(row)

@@ -13,15 +13,15 @@ from .methods.spheres import inward
 
 
 class OnDisk:
-    """The control `ParameterizedSurface` as the aim of maps into its disk. lookup: of its `Disk`.
+    """The control `ParameterizedSurface` as the aim of maps into its disk. locate: of its `Disk`.
 
     `locate(f)`: places (face, weights) of points (P,) complex; `at(v, places)`: values (W, ...) of
     the aim's vertices there; `values(v, places)`: the same of the open surface's; `lift(places)`:
     points (P, 3) of the surface.
     """
 
-    def __init__(self, control, lookup):
-        self.control, self.locate = control, lookup
+    def __init__(self, control, locate):
+        self.control, self.locate = control, locate
 
     def at(self, values, places):
         return self.control.disk.interpolate(values, places)
@@ -57,14 +57,14 @@ class OnSphere:
         return interpolate(values, self.faces, places)
 
 
-def image_of(control, f, lookup):
+def image_of(control, f, locate):
     """What a map goes into: the disk for f (V,) complex, the sphere for f (V', 3)."""
-    return OnDisk(control, lookup) if f.ndim == 1 else OnSphere(control)
+    return OnDisk(control, locate) if f.ndim == 1 else OnSphere(control)
 
 
 def carried(pair, f):
     """The moving vertices' images (V, 3), in mm, under a map f (V,) to the disk or (V', 3)."""
-    image = image_of(pair.control, f, pair.control.disk.lookup)
+    image = image_of(pair.control, f, pair.control.disk.locate)
     return image.lift(image.locate(f[: len(pair.moving.surface.vertices)]))
 
 

@@ -45,7 +45,7 @@ class Carried:
         self.disk, self.f, self.image = side.disk, f, image
 
     def lift(self, points):
-        return self.image.lift(self.image.locate(self.disk.sampling(points) @ self.f))
+        return self.image.lift(self.image.locate(self.disk.interpolation(points) @ self.f))
 
 
 def held_out(pair, sides, f, image):
@@ -132,10 +132,10 @@ def tails(surface, points):
     return {"areal_95": quantile(abs(log2_j), areas), "shape_95": quantile(abs(log2_r), areas)}
 
 
-def true_map(pair, lookup):
+def true_map(pair, locate):
     """The true map's own figures, by the names of TRUE_MAP."""
-    image = OnDisk(pair.control, lookup)
-    places = lookup(pair.truth_disk)
+    image = OnDisk(pair.control, locate)
+    places = locate(pair.truth_disk)
     figures = log2_means(pair.moving.surface, pair.truth) | folds_agree(pair, image, places)
     figures["r_maps"] = maps_agree(pair, image, places)
     return floors(pair) | {f"true_{name}": figures[name] for name in OWN}

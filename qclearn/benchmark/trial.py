@@ -47,8 +47,8 @@ def trial(pair, run, method):
             if run.alone:
                 costs |= of_process(costs_alone(run, pair))
             start = time.perf_counter()
-            lookup = unknown(pair.control.disk).lookup
-            places = image_of(pair.control, f, lookup).locate(f[: len(prepared.problem.disk.z)])
+            locate = unknown(pair.control.disk).locate
+            places = image_of(pair.control, f, locate).locate(f[: len(prepared.problem.disk.z)])
             costs["seconds"] |= {
                 "disk_moving": pair.moving.seconds,
                 "disk_control": pair.control.seconds,
@@ -58,7 +58,7 @@ def trial(pair, run, method):
             sides = {"moving": pair.moving.messages, "control": pair.control.messages}
             of_disks = [f"{side}: {note}" for side, notes in sides.items() for note in notes]
             costs["notes"] = [*of_disks, *prepared.notes, *costs["notes"]]
-            figures = map_figures(pair, prepared, f, lookup, run.keep_field)
+            figures = map_figures(pair, prepared, f, locate, run.keep_field)
             figures |= judge_radius(pair, run)
             figures["there_and_back_mm"] = way_back(pair, run, method, places)
             return {"status": "done"} | figures | costs
@@ -144,7 +144,7 @@ def way_back(pair, run, method, places):
         warnings.simplefilter("ignore", RepairWarning)
         g = method(problem, **run.parameters)
     g = checked(g.points if isinstance(g, Answer) else g, problem)
-    here, there = image_of(pair.moving, g, pair.moving.disk.lookup), image_of(pair.control, g, None)
+    here, there = image_of(pair.moving, g, pair.moving.disk.locate), image_of(pair.control, g, None)
     home = here.lift(here.locate(there.at(g, places)))
     return float(np.linalg.norm(home - pair.moving.surface.vertices, axis=1).mean())
 
@@ -199,13 +199,13 @@ def memory(name, reset_peak=False):
         return None
 
 
-def map_figures(pair, prepared, f, lookup, keep_field):
-    """All figures of a map f (V,) or, on the sphere, (V', 3); lookup: in the control's disk."""
+def map_figures(pair, prepared, f, locate, keep_field):
+    """All figures of a map f (V,) or, on the sphere, (V', 3); locate: in the control's disk."""
     moving = pair.moving.surface
     problem = prepared.problem
     figures = in_disk(moving, problem, f) if f.ndim == 1 else on_sphere(pair, f)
     f = f[: len(moving.vertices)]  # of a whole surface: its cortex
-    image = image_of(pair.control, f, lookup)
+    image = image_of(pair.control, f, locate)
     places = image.locate(f)
     points = image.lift(places)
     mapped = prepared.samples @ f
@@ -217,8 +217,8 @@ def map_figures(pair, prepared, f, lookup, keep_field):
     figures |= reference.log2_means(moving, points)
     figures |= reference.tails(moving, points)
     figures |= reference.folds_agree(pair, image, places)
-    before = lookup(mobius(problem.disk.z, *problem.mobius))
-    agreement = reference.folds_agree(pair, OnDisk(pair.control, lookup), before)
+    before = locate(mobius(problem.disk.z, *problem.mobius))
+    agreement = reference.folds_agree(pair, OnDisk(pair.control, locate), before)
     figures |= {f"{name}_before": r for name, r in agreement.items()}
     figures["r_maps"] = reference.maps_agree(pair, image, places)
     figures |= WITHOUT_TRUTH
@@ -227,7 +227,7 @@ def map_figures(pair, prepared, f, lookup, keep_field):
         curves = [curve["moving"] for curve in (*pair.curves, *pair.held)]
         near = measures.near_curves(moving, curves, NEAR)
         figures |= measures.correspondence_measures(points, pair.truth, near)
-        figures |= reference.true_map(pair, lookup)
+        figures |= reference.true_map(pair, locate)
     if keep_field and f.ndim == 1 and figures["certified"]:
         mu = problem.disk.coefficient(f)
         figures["field"] = np.round(abs(mu)[problem.disk.at(f).locate(polar(16).centroids)[0]], 4)

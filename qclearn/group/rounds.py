@@ -175,7 +175,7 @@ class Group:
             raise TemplateError(
                 "the mean of the subjects' maps folds: they have too little in common; lower delta"
             )
-        back = image.values_at(before.disk.z, before.disk.z)
+        back = image.interpolate(before.disk.z, image.locate(before.disk.z))
         return self.average(before, maps, back), centre
 
     def average(self, before, maps, points):

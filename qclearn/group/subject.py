@@ -149,7 +149,8 @@ def mirrored_gain(moving, control):
 
 def inverse(subject, f, points):
     """The inverse (N,) of a subject's disk map f (V,) at points (N,) of the mean's disk."""
-    return subject.disk.at(f).values_at(points, subject.disk.z)
+    image = subject.disk.at(f)
+    return image.interpolate(subject.disk.z, image.locate(points))
 
 
 def carried(subject, f, points, mean):
@@ -166,7 +167,7 @@ def carried(subject, f, points, mean):
 
 def composed(subject, f, mean, centre):
     """f (V,) followed by centre (N,), repaired where that folds: (map, is bijective, inverse)."""
-    f = repair_folds(subject.surface, mean.disk.values_at(f, centre)).z
+    f = repair_folds(subject.surface, mean.disk.interpolate(centre, mean.disk.locate(f))).z
     return f, subject.disk.certify(f).bijective, inverse(subject, f, mean.disk.z)
 
 

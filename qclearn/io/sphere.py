@@ -246,7 +246,7 @@ def registered_sphere(maps: dict, sphere: Surface) -> RegisteredSphere:
     there = control.wall_disk(angles[control.disk.loop])
     here = moving.wall_disk(control.disk.interpolate(angles, places)[moving.disk.loop])
     inner = ~np.isin(moving.wall[0], moving.rim)
-    on_wall = there.values_at(here.z[inner], unit[control.wall[0]])
+    on_wall = there.interpolate(unit[control.wall[0]], there.locate(here.z[inner]))
     points[moving.wall[0][inner]] = on_wall
     points, moved = untangled(points, moving.faces, moving.rings)
     return RegisteredSphere(Surface(points, moving.faces), moved, moving.rings)

@@ -190,7 +190,7 @@ class BestCPNet(CoefficientNetwork):
         """The `Spectrum` of so many rings, and the sparse matrix to its vertices."""
         if rings not in self.carriers:
             spectrum = Spectrum(rings, rings * self.config.spokes // self.config.rings)
-            self.carriers[rings] = spectrum, self.grid.mesh.sampling(spectrum.mesh.z)
+            self.carriers[rings] = spectrum, self.grid.mesh.interpolation(spectrum.mesh.z)
         return self.carriers[rings]
 
     def loss(self, batch, generator):

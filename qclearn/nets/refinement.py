@@ -68,7 +68,7 @@ class CoefficientRefinement:
         self.coefficient_mesh, self.spectrum = coefficient_mesh, spectrum
         self.scale = np.sqrt(gamma / len(p))
         self.root = np.sqrt(1 + beta * spectrum.values)
-        self.samples = coefficient_mesh.disk.sampling(p)
+        self.samples = coefficient_mesh.disk.interpolation(p)
         self.tangent = Tangent(coefficient_mesh, self.samples)
 
     def run(self, start, count):

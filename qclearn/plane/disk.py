@@ -1,5 +1,5 @@
-"""A triangulated disk in the plane, `Disk`: its matrices, derivatives of maps, certificate; and
-where points lie in it, `Lookup`."""
+"""A triangulated disk in the plane, `Disk`: where points lie in it, its matrices, derivatives of
+maps, certificate."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,8 +18,6 @@ from .linear import assemble, interpolate, opposite_edges, three_a_row
 PerVertex, PerFace, Faces = Complex[ndarray, " V"], Complex[ndarray, " F"], Integer[ndarray, " F 3"]
 OF_FACES = ("loop", "open_halfedges", "across")  # depend on the faces alone: pictures share them
 STEPS = 12  # across edges, from the face where a point is looked for first
-LOST, BEYOND = -1, -2  # in place of a face: not reached; across the boundary of a convex polygon
-FEW = 0.25  # share of the faces of which polygons are built at once
 INSET = 1e-4  # share of the radius that points moved onto the boundary polygon stay inside it
 
 
@@ -125,11 +123,6 @@ class Disk:
         across[two[twins]] = one[twins] // 3
         return _next(across.reshape(-1, 3))  # the edge from corner k is opposite corner k + 2
 
-    @cached_property
-    def lookup(self) -> "Lookup":
-        """`lookup(points)` is `locate` unchecked; its search tree is kept."""
-        return Lookup(self)
-
     def locate(
         self, points: Complex[ndarray, " P"]
     ) -> tuple[Integer[ndarray, " P"], Float[ndarray, " P 3"]]:
@@ -141,10 +134,80 @@ class Disk:
             raise BeltramiError(
                 f"points {unknown[:5].tolist()} are not finite: they lie nowhere; leave them out"
             )
-        return self.lookup.once(points)
+        # From a face at the nearest vertex a walk crosses the edge that a point lies farthest
+        # beyond. `at`: the points that still walk.
+        tree, face_at = self.vertex_tree
+        face = face_at[tree.query(pairs(points))[1]]
+        at = np.arange(len(points))
+        for _ in range(STEPS):
+            sides = _edge_distances(self.z[self.faces[face[at]]], points[at])
+            corner = sides.argmin(1)
+            beyond = sides[np.arange(len(at)), corner] < 0
+            at, corner = at[beyond], corner[beyond]
+            face[at] = self.across[face[at], corner]
+            at = at[face[at] >= 0]
+            if not len(at):
+                break
+        face[at] = -1
+        # Points that it does not reach, or that left the mesh where they could come back, are
+        # looked for in a tree of all faces.
+        left = np.flatnonzero(face < 0)
+        lost = at if len(at) == len(left) or self.is_convex else left
+        if len(lost):
+            point, some = self.face_tree.query(shapely.points(pairs(points[lost])), "intersects")
+            face[lost[point]] = some
+        # Points in no face are moved onto the boundary polygon.
+        outside = np.flatnonzero(face < 0)
+        if len(outside):
+            points = points.copy()
+            face[outside], points[outside] = self._project_radially(points[outside])
+        weights = _edge_distances(self.z[self.faces[face]], points)
+        # The sign: a face may be turned over. The maximum: rounding at an edge.
+        weights = np.maximum(weights * np.sign(weights.sum(1, keepdims=True)), 0)
+        return face, weights / weights.sum(1, keepdims=True)
 
-    def sampling(self, points: Complex[ndarray, " P"]) -> Float[sparse.csr_array, " P V"]:
-        """From values of the vertices to values at points (P,), linear in each face."""
+    @cached_property
+    def vertex_tree(self):
+        """The search tree of the vertices, and a face at each."""
+        at = np.flatnonzero(np.bincount(self.faces.ravel()))
+        face = np.empty(len(self.z), int)
+        face[self.faces.ravel()] = np.repeat(np.arange(len(self.faces)), 3)
+        tree = scipy.spatial.cKDTree(pairs(self.z[at]), balanced_tree=False, compact_nodes=False)
+        return tree, face[at]
+
+    @cached_property
+    def face_tree(self):
+        """The search tree of the faces: slow to build, and rarely needed."""
+        return shapely.STRtree(shapely.polygons(pairs(self.z[self.faces])))
+
+    @cached_property
+    def is_convex(self):
+        """Whether the boundary is a convex polygon: who leaves it does not come back."""
+        rim = self.z[self.loop]
+        edges = np.roll(rim, -1) - rim
+        turns = np.angle(np.roll(edges, -1) / edges)
+        return turns.min() >= 0 and turns.sum() < 3 * np.pi
+
+    def _project_radially(self, points):
+        """A boundary face for each of the points (P,), and the points moved onto its chord."""
+        angles = np.angle(self.z[self.loop])
+        order = np.argsort(angles)
+        loop = self.loop[order]
+        k = np.searchsorted(angles[order], np.angle(points), side="right") - 1
+        a = self.z[loop[k]]
+        b = self.z[np.roll(loop, -1)[k]]
+        rim = self.open_halfedges  # one begins at each boundary vertex
+        face = np.empty(len(self.z), int)
+        face[self.faces.ravel()[rim]] = rim // 3
+        # The ray s p meets the chord a + t (b - a) where Im(conj(b - a)(s p - a)) = 0.
+        s = ((b - a).conj() * a).imag / ((b - a).conj() * points).imag
+        radius = abs(points)
+        gap = 1 - s * radius  # between the chord and the arc: none at a boundary vertex
+        inside = np.divide(1 - radius, gap, out=np.zeros_like(gap), where=gap > 0)
+        return face[loop[k]], s * (1 - INSET * np.clip(inside, 0, 1)) * points
+
+    def interpolation(self, points: Complex[ndarray, " P"]) -> Float[sparse.csr_array, " P V"]:
+        """The matrix from values of the vertices to values at points (P,), linear in each face."""
         face, weights = self.locate(points)
         return three_a_row(weights, self.faces[face], len(self.z)).sorted_indices()
 
@@ -152,10 +215,6 @@ class Disk:
         """Values (V, ...) of the vertices at places (face, weights) as `locate` returns them,
         linear in each face."""
         return interpolate(values, self.faces, places)
-
-    def values_at(self, points, values):
-        """Values (V, ...) of the vertices at points (P,), linear in each face."""
-        return self.interpolate(values, self.locate(points))
 
     def stiffness(self, mu: PerFace) -> Float[sparse.csc_array, " V V"]:
         """`K(mu)_ij = sum_T |T| grad phi_i . A(mu_T) grad phi_j`, semi-definite; |mu| < 1."""
@@ -278,112 +337,6 @@ def _next(corners):
 def pairs(z):
     """x and y of points (...,), real (..., 2)."""
     return np.stack([z.real, z.imag], axis=-1)
-
-
-class Lookup:
-    """Where points lie in one `Disk`: (face, barycentric coordinates). Nothing is checked.
-
-    From a face at the nearest vertex a walk crosses the edge that a point lies farthest beyond.
-    Points that STEPS do not reach are looked for in a tree of all faces; points in no face are
-    moved onto the boundary polygon.
-    """
-
-    def __init__(self, disk):
-        self.disk, self.z, self.faces = disk, disk.z, disk.faces
-
-    def __call__(self, points):
-        tree, face_at = self._vertices
-        face = self._walk(points, face_at[tree.query(pairs(points))[1]])
-        lost = np.flatnonzero(face == LOST)
-        if len(lost):
-            point, some = self._tree.query(shapely.points(pairs(points[lost])), "intersects")
-            face[lost[point]] = some
-        return self._with_weights(points, face)
-
-    def once(self, points):
-        """The same without a tree of the whole mesh, where few faces come near the points."""
-        corners = pairs(self.z[self.faces])
-        points_xy = pairs(points)
-        low = points_xy.min(0, initial=np.inf)
-        high = points_xy.max(0, initial=-np.inf)
-        near = np.flatnonzero(((corners.max(1) >= low) & (corners.min(1) <= high)).all(1))
-        if len(near) >= FEW * len(self.faces):
-            return self(points)
-        face = np.full(len(points), LOST)
-        tree = shapely.STRtree(shapely.polygons(corners[near]))
-        point, some = tree.query(shapely.points(points_xy), "intersects")
-        face[point] = near[some]
-        return self._with_weights(points, face)
-
-    def _with_weights(self, points, face):
-        """Faces and barycentric coordinates of points (P,), those in no face moved into one."""
-        outside = np.flatnonzero(face < 0)
-        if len(outside):
-            points = points.copy()
-            face[outside], points[outside] = self._project_radially(points[outside])
-        weights = _edge_distances(self.z[self.faces[face]], points)
-        # The sign: a face may be turned over. The maximum: rounding at an edge.
-        weights = np.maximum(weights * np.sign(weights.sum(1, keepdims=True)), 0)
-        return face, weights / weights.sum(1, keepdims=True)
-
-    def _walk(self, points, face):
-        """The faces that hold points (P,), a few edges from `face` (P,), which it overwrites; or
-        LOST, or BEYOND."""
-        at = np.arange(len(points))
-        for _ in range(STEPS):
-            sides = _edge_distances(self.z[self.faces[face[at]]], points[at])
-            corner = sides.argmin(1)
-            beyond = sides[np.arange(len(at)), corner] < 0
-            at, corner = at[beyond], corner[beyond]
-            if not len(at):
-                return face
-            across = self.disk.across[face[at], corner]
-            if (across < 0).any():  # `_out` is not needed before a point leaves the mesh
-                across[across < 0] = self._out
-            face[at] = across
-            at = at[across >= 0]
-        face[at] = LOST
-        return face
-
-    @cached_property
-    def _vertices(self):
-        """The search tree of the vertices, and a face at each."""
-        at = np.flatnonzero(np.bincount(self.faces.ravel()))
-        face = np.empty(len(self.z), int)
-        face[self.faces.ravel()] = np.repeat(np.arange(len(self.faces)), 3)
-        tree = scipy.spatial.cKDTree(pairs(self.z[at]), balanced_tree=False, compact_nodes=False)
-        return tree, face[at]
-
-    @cached_property
-    def _tree(self):
-        """The search tree of the faces: slow to build, and needed only where points are LOST."""
-        return shapely.STRtree(shapely.polygons(pairs(self.z[self.faces])))
-
-    @cached_property
-    def _out(self):
-        """The answer for a point across the boundary: BEYOND a convex polygon, else LOST."""
-        rim = self.z[self.disk.loop]
-        edges = np.roll(rim, -1) - rim
-        turns = np.angle(np.roll(edges, -1) / edges)
-        return BEYOND if turns.min() >= 0 and turns.sum() < 3 * np.pi else LOST
-
-    def _project_radially(self, points):
-        """A boundary face for each of the points (P,), and the points moved onto its chord."""
-        angles = np.angle(self.z[self.disk.loop])
-        order = np.argsort(angles)
-        loop = self.disk.loop[order]
-        k = np.searchsorted(angles[order], np.angle(points), side="right") - 1
-        a = self.z[loop[k]]
-        b = self.z[np.roll(loop, -1)[k]]
-        rim = self.disk.open_halfedges  # one begins at each boundary vertex
-        face = np.empty(len(self.z), int)
-        face[self.faces.ravel()[rim]] = rim // 3
-        # The ray s p meets the chord a + t (b - a) where Im(conj(b - a)(s p - a)) = 0.
-        s = ((b - a).conj() * a).imag / ((b - a).conj() * points).imag
-        radius = abs(points)
-        gap = 1 - s * radius  # between the chord and the arc: none at a boundary vertex
-        inside = np.divide(1 - radius, gap, out=np.zeros_like(gap), where=gap > 0)
-        return face[loop[k]], s * (1 - INSET * np.clip(inside, 0, 1)) * points
 
 
 def _edge_distances(corners, points):

@@ -37,7 +37,7 @@ class CoefficientMesh:
         # By the area of the disk: terms are means over it.
         self.mass = mesh.mass / np.pi
         self.laplace = mesh.laplace / np.pi
-        self.to_faces = mesh.to_faces if disk is mesh else mesh.sampling(disk.centroids)
+        self.to_faces = mesh.to_faces if disk is mesh else mesh.interpolation(disk.centroids)
 
     @cached_property
     def carrier(self):
@@ -62,11 +62,11 @@ class Carrier:
         f_z = three_a_row(disk.gradients.conj() / 2, disk.faces, len(disk.z))
         self.slope = (disk.to_vertices @ f_z).tocsr()
         self.areas = around_vertices(mesh.areas, mesh.faces) / 3
-        self.values = disk.sampling(self.z)
+        self.values = disk.interpolation(self.z)
         self.tree = scipy.spatial.cKDTree(pairs(self.z))
         self.hats = hats_inside(mesh.faces, len(self.z))
         self.areas_fine = np.repeat(mesh.areas, FINER**2) / FINER**2
-        self.values_fine = disk.sampling(self.hats @ self.z)
+        self.values_fine = disk.interpolation(self.hats @ self.z)
 
 
 class Tangent:

@@ -350,7 +350,7 @@ def astray(pair, f):
     its place in space, and the folds do not agree so well that this place is to blame."""
     here, there = pair.directions.spheres
     disk, features = pair.control.disk, pair.features
-    there = disk.interpolate(there, disk.lookup(f))
+    there = disk.interpolate(there, disk.locate(f))
     cosines = (here * there).sum(1) / np.maximum(np.linalg.norm(there, axis=1), ROUNDING)
     degrees = np.degrees(features.areas @ np.arccos(np.clip(cosines, -1, 1)))
     r = features.correlation(f, SCALE).mean()

@@ -118,7 +118,7 @@ class Smoothing:
         """Functions linear on the triangles of few vertices: their numbers (N,), (V, N) to values
         at all, mass and stiffness."""
         some, mesh = thinned(self.disk, self.areas, COARSE_VERTICES)
-        spread = mesh.sampling(self.disk.z)
+        spread = mesh.interpolation(self.disk.z)
         held = spread.sum(0) > 0  # a point on the rim may be in no triangle
         some, spread = some[held], spread[:, held]
         return some, spread, spread.T @ self.mass @ spread, spread.T @ self.stiffness @ spread
@@ -197,7 +197,7 @@ class Features:
         """r (C,) over the moving area between features of scale sigma and the control's where f
         (V,) takes them."""
         here, there = self.at(sigma)
-        there = standardised(self.disk.interpolate(there, self.disk.lookup(f)), self.areas)
+        there = standardised(self.disk.interpolate(there, self.disk.locate(f)), self.areas)
         return np.clip(self.areas @ (here * there), -1, 1)
 
 
@@ -308,7 +308,7 @@ def featured(moving, control, maps):
 
 
 class Image:
-    """The control's features (W, C) of one scale, at places that its `Disk`'s lookup returns."""
+    """The control's features (W, C) of one scale, at places that its `Disk.locate` returns."""
 
     def __init__(self, disk, values):
         self.disk, self.values = disk, values
@@ -363,7 +363,7 @@ class Match:
 
     def __init__(self, features, z, some):
         here, there = features.at(SCALE)
-        self.lookup, self.image = features.disk.lookup, Image(features.disk, there)
+        self.locate, self.image = features.disk.locate, Image(features.disk, there)
         self.z, self.here = z[some], here[some]
         self.scale = np.sqrt(features.feature_weights / len(some))
 
@@ -371,14 +371,14 @@ class Match:
         """Mean squares (B,) of the difference after each of B Möbius maps (a, theta), looked up in
         one go."""
         a, theta = (np.array(part)[:, None] for part in zip(*many))
-        places = self.lookup(mobius(np.tile(self.z, (len(a), 1)), a, theta).ravel())
+        places = self.locate(mobius(np.tile(self.z, (len(a), 1)), a, theta).ravel())
         there = self.image.at(places).reshape(len(a), *self.here.shape)
         return ((self.scale * (self.here - there)) ** 2).sum((1, 2))
 
     def after(self, parameters):
         """Mean square after one Möbius map, the points and their places then, and residuals."""
         w = mobius(self.z, *parameters)
-        places = self.lookup(w)
+        places = self.locate(w)
         residual = (self.scale * (self.here - self.image.at(places))).ravel()
         return residual @ residual, w, places, residual
 

@@ -211,7 +211,7 @@ def better_of_two_starts(multiresolution, guiding, polar, fine, weights, feature
     nothing = np.zeros(len(leading.coefficient_mesh.mesh.z), complex)
     state = leading.at(nothing, best_by_features(directions, z, PLACED))
     state, _ = run_level(leading, state, guiding[0])
-    apart = features.areas @ abs(leading.discretization.sampling @ state.f - z)
+    apart = features.areas @ abs(leading.discretization.interpolation @ state.f - z)
     best = run(guiding, Progress(leading, state))
     message = f"by crude spheres, {apart:.2g} in the disk from the best Möbius map of features"
 

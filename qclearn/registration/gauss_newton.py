@@ -356,13 +356,13 @@ class Discretization:
     def __init__(self, problem, coefficient_mesh, on_nu_mesh):
         self.problem, self.coefficient_mesh = problem, coefficient_mesh
         self.on_nu_mesh = on_nu_mesh
-        self.samples = coefficient_mesh.disk.sampling(problem.moving)
+        self.samples = coefficient_mesh.disk.interpolation(problem.moving)
         self.landmarks = LandmarkTerm(problem.target, problem.curve, problem.sliding)
 
     @cached_property
-    def sampling(self):
+    def interpolation(self):
         """Sparse (V, N): from the mapped mesh to the moving vertices."""
-        return self.coefficient_mesh.disk.sampling(self.problem.disk.z)
+        return self.coefficient_mesh.disk.interpolation(self.problem.disk.z)
 
     @cached_property
     def mass_by_area(self):
@@ -370,7 +370,7 @@ class Discretization:
         surface's area."""
         meshes, moving = self.coefficient_mesh, self.problem.pair.moving
         same = meshes.disk is meshes.mesh
-        S = self.sampling if same else meshes.mesh.sampling(moving.disk.z)
+        S = self.interpolation if same else meshes.mesh.interpolation(moving.disk.z)
         return (S.T @ sparse.diags_array(moving.vertex_shares) @ S).tocsc()
 
     @cached_property

@@ -184,7 +184,7 @@ class MultiresolutionFit:
                 at = places
                 if not level.own_mesh:  # features are compared at moving vertices all the same
                     judges = features.judges(level.sigma)
-                    at = Places(features.disk, discretization.sampling[judges[0]])
+                    at = Places(features.disk, discretization.interpolation[judges[0]])
                 feature_term = FeatureTerm(features, level.sigma, weights.delta, at, judges)
             if weights.eta:
                 area_term = self.area_term(level, discretization, weights.eta, places)
@@ -253,7 +253,7 @@ class MultiresolutionFit:
         if old is new:
             return state.nu
         known, begin = (start_field(self.problem.disk, start_mu, mesh) for mesh in (old, new))
-        return old.sampling(new.z) @ (state.nu - known) + begin
+        return old.interpolation(new.z) @ (state.nu - known) + begin
 
 
 @lru_cache(maxsize=8)

@@ -145,7 +145,9 @@ def lines_by_name(pair, curves, detect=None):
 def sample_lines(own, lines):
     """Landmarks of K lines in the disk of a `ParameterizedSurface`: sparse (10 K, V)."""
     stops = np.cumsum([0, *map(len, lines)])
-    corners = own.disk.sampling(np.concatenate(lines))  # of all at once: looking up places is slow
+    corners = own.disk.interpolation(
+        np.concatenate(lines)
+    )  # of all at once: looking up places is slow
     matrices = [
         resample(own.surface, corners[start:stop], POINTS_PER_CURVE)
         for start, stop in pairwise(stops)

@@ -84,7 +84,7 @@ class Problem:
     @cached_property
     def samples(self):
         """Sparse (M, V): per-vertex data at the moving landmarks."""
-        return self.disk.sampling(self.moving)
+        return self.disk.interpolation(self.moving)
 
     @cached_property
     def mobius(self):

@@ -126,7 +126,7 @@ def held_out_distances(pair, lines, *maps):
         return {}
     moving, control = zip(*lines.values())
     stops = np.cumsum([len(line) for line in moving])[:-1]
-    samples = pair.moving.disk.sampling(np.concatenate(moving))
+    samples = pair.moving.disk.interpolation(np.concatenate(moving))
     targets = curves_in_space(pair.control, control)
     images = [curves_in_space(pair.control, np.split(samples @ f, stops)) for f in maps]
     mm = size_of(pair.control.surface).mm

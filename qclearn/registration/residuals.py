@@ -64,11 +64,11 @@ class Places:
         self.disk, self.samples = disk, samples
         self.map = self.last = None
 
-    def at(self, f):
+    def locate(self, f):
         """(face, weights) of the points after a map f (N,)."""
         if self.map is not f:
             points = f if self.samples is None else self.samples @ f
-            self.last = self.disk.lookup(points)
+            self.last = self.disk.locate(points)
             self.map = f
         return self.last
 
@@ -91,11 +91,11 @@ class FeatureTerm:
 
     def residual(self, f):
         """`sqrt(delta a_c w_k) (s_c - t_c)`, (C V,), feature after feature, for a map f (N,)."""
-        return (self.scale * (self.here - self.image.at(self.places.at(f)))).T.ravel()
+        return (self.scale * (self.here - self.image.at(self.places.locate(f)))).T.ravel()
 
     def rows(self, f):
         """Sparse complex R (C V, N): the residual changes by `Re(conj(R) df)`."""
-        slopes = -self.scale * self.image.slopes(self.places.at(f))
+        slopes = -self.scale * self.image.slopes(self.places.locate(f))
         rows = sparse.vstack([sparse.diags_array(column) for column in slopes.T])
         if self.places.samples is not None:
             rows = rows @ self.places.samples
@@ -128,7 +128,7 @@ class AreaTerm:
 
     def log_areal(self, f):
         """log J (F,)."""
-        there = self.places.disk.interpolate(self.control, self.places.at(f))
+        there = self.places.disk.interpolate(self.control, self.places.locate(f))
         areas = np.maximum(self.disk.at(f).areas, self.floor)
         return np.log(areas) + there[self.disk.faces].mean(1) - self.here
 
@@ -142,5 +142,5 @@ class AreaTerm:
         corners = f[faces]
         growth = 0.5j * opposite_edges(corners) / np.maximum(areas, self.floor)[:, None]
         growth[areas <= self.floor] = 0  # the floor has no slope
-        slopes = self.slopes[self.places.at(f)[0]][faces] / 3
+        slopes = self.slopes[self.places.locate(f)[0]][faces] / 3
         return three_a_row(self.scale[:, None] * (growth + slopes), faces, len(f))

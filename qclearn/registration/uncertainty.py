@@ -105,7 +105,7 @@ class Laplace:
 
     def ellipses(self, points):
         """Covariances (P, 2, 2) of (Re M f, Im M f) at points (P,) of the moving disk."""
-        rr, ri, ii = (between(part, self.mesh.sampling(points)) for part in self.covariance)
+        rr, ri, ii = (between(part, self.mesh.interpolation(points)) for part in self.covariance)
         return np.moveaxis(np.array([[rr, ri], [ri, ii]]), -1, 0)
 
     def shrunk(self):
@@ -123,7 +123,7 @@ def uncertainty_of(pair, problem, weights, fit):
     folds judge alone."""
     folded, features = with_folds(pair), pair.features
     moving, control, areas = folded.moving, folded.control, folded.features.areas
-    places = control.disk.lookup(fit.f)
+    places = control.disk.locate(fit.f)
 
     # Millimetres on the control by one unit of its disk, where the map goes.
     density = control.smoothing.density(FINEST, control.disk)
@@ -138,7 +138,7 @@ def uncertainty_of(pair, problem, weights, fit):
 
     # The posterior's spread; its noise is the objective's own residual, where it has one.
     laplace = Laplace(problem, weights, fit.mu, fit.mobius, features)
-    samples = laplace.mesh.sampling(moving.disk.z)
+    samples = laplace.mesh.interpolation(moving.disk.z)
     noise = mean if features is None else weights.delta * mean
     variance = between(laplace.covariance[0] + laplace.covariance[2], samples)
     by_posterior, by_fit, by_local = BY_LANDMARKS if features is None else BY_FOLDS
@@ -182,7 +182,7 @@ def stiffer(problem, weights, features, fit):
         nu = start_field(problem.disk, fit.mu, first.coefficient_mesh.mesh)
         resumed = Progress(first, first.at(nu, fit.mobius))
     objective, state, _ = multiresolution.run(levels, weights, None, features, resumed=resumed)
-    return objective.discretization.sampling @ state.f
+    return objective.discretization.interpolation @ state.f
 
 
 def calibrated():

@@ -116,10 +116,11 @@ class FinishedRegistration:
         curvature = self.moving.smoothing.at(FINEST)[:, 0]
         # All maps live on the moving mesh: read them where the control's vertices lie.
         z = self.control.disk.z
-        before = self.moving.disk.values_at(z, curvature[:, None])[:, 0]
+        disk = self.moving.disk
+        before = disk.interpolate(curvature, disk.locate(z))
         values = np.stack([curvature, mu, np.log2(ratio)], axis=1)
         registered = self.moving.disk.at(self.arrays["disk_map"])
-        after, mu, log2_area = registered.values_at(z, values).T
+        after, mu, log2_area = registered.interpolate(values, registered.locate(z)).T
         return Maps(self.control.smoothing.at(FINEST)[:, 0], before, after, mu, log2_area)
 
 

@@ -158,7 +158,7 @@ class ParameterizedSurface:
 
     def lift(self, points):
         """Points (P, 3) on the surface whose images in the disk are `points` (P,) complex."""
-        return self.disk.values_at(points, self.surface.vertices)
+        return self.disk.interpolate(self.surface.vertices, self.disk.locate(points))
 
 
 def parameterize(surface):

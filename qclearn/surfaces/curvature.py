@@ -225,7 +225,7 @@ def curvature_image(
     w = pixel_centres(size)
     inside = abs(w) <= 1
     image = np.full((size, size), np.nan)
-    image[inside] = disk.values_at(radius.from_image(w[inside]), values)
+    image[inside] = disk.interpolate(values, disk.locate(radius.from_image(w[inside])))
     return image, radius
 
 

@@ -98,7 +98,7 @@ def test_each_repetition_begins_with_nothing_known_of_the_disks(pair):
     def note(problem):
         for disk in (problem.disk, problem.pair.moving.disk, problem.pair.control.disk):
             known.append(set(vars(disk)))
-            _ = disk.lookup
+            _ = disk.areas
         return truth_or_back(pair, problem)
 
     row = trial(replace(pair, there_and_back=False), Run("noted", "noted"), note)

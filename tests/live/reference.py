@@ -93,7 +93,7 @@ def fit_in_steps(asked, on_coarse, on_fine):
     levels = 10.0 ** np.arange(np.log10(min(FIRST_GAMMA, gamma)), np.log10(gamma) - 1e-9)
     state = steps(coarse, state, [*levels, *[gamma] * (on_coarse - len(levels))])
     fine = WholeSteps(Discretization(problem, CoefficientMesh(FINE_MESH, FINE_MESH), on_nu_mesh=False), weights)
-    nu = COARSE_MESH.sampling(FINE_MESH.z) @ state.nu
+    nu = COARSE_MESH.interpolation(FINE_MESH.z) @ state.nu
     return fine, steps(fine, fine.at(nu, state.mobius), [weights.gamma] * on_fine)
 
 

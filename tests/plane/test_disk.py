@@ -28,7 +28,18 @@ def test_the_arrays_cannot_be_changed_and_the_callers_can():
     assert Disk(mine.z, mine.faces).z is mine.z and Disk(view, mine.faces).z is not view
 
 
-FOUND = ["areas", "gradients", "centroids", "loop", "across", "lookup", "laplace", "mass", "to_vertices", "to_faces"]
+FOUND = [
+    "areas",
+    "gradients",
+    "centroids",
+    "loop",
+    "across",
+    "vertex_tree",
+    "laplace",
+    "mass",
+    "to_vertices",
+    "to_faces",
+]
 
 
 @pytest.mark.parametrize("name", [*FOUND, "open_halfedges", "flipped", "maybe_flipped", "certificate"])
@@ -39,7 +50,7 @@ def test_what_is_asked_for_is_found_once(name):
 
 def test_a_pickle_has_the_arrays_alone():
     disk = Disk(*random_disk(seed=3))
-    _ = disk.certificate, disk.lookup(np.array([0.1j])), disk.laplace
+    _ = disk.certificate, disk.locate(np.array([0.1j])), disk.laplace
     copy = pickle.loads(pickle.dumps(disk))
     assert set(vars(copy)) == {"z", "faces"} and not copy.z.flags.writeable
     np.testing.assert_array_equal(copy.z, disk.z)
@@ -51,7 +62,7 @@ def test_a_picture_shares_what_depends_on_the_faces_alone():
     f = SLIDING(disk.z)
     before = disk.at(f)
     assert set(vars(before)) == {"z", "faces"} and before.faces is disk.faces
-    _ = disk.gradients, disk.certificate, disk.lookup(np.array([0.1j]))
+    _ = disk.gradients, disk.certificate, disk.locate(np.array([0.1j]))
     picture = disk.at(f)
     assert set(vars(picture)) == {"z", "faces", *OF_FACES}
     assert all(getattr(picture, name) is getattr(disk, name) for name in OF_FACES)
@@ -155,7 +166,7 @@ def test_samples_are_exact_for_linear_functions():
     disk, points = Disk(*random_disk(seed=3)), np.array([0.1, -0.4 + 0.3j, 0.7j])
     values = (2 - 1j) * disk.z + 0.5j * disk.z.conj() + 3
     expected = (2 - 1j) * points + 0.5j * points.conj() + 3
-    np.testing.assert_allclose(disk.sampling(points) @ values, expected, atol=1e-13)
-    np.testing.assert_allclose(disk.interpolate(values, disk.lookup(points)), expected, atol=1e-13)
+    np.testing.assert_allclose(disk.interpolation(points) @ values, expected, atol=1e-13)
+    np.testing.assert_allclose(disk.interpolate(values, disk.locate(points)), expected, atol=1e-13)
     both = disk.interpolate(np.stack([values.real, values.imag], 1), disk.locate(points))
     np.testing.assert_allclose(both @ [1, 1j], expected, atol=1e-13)

@@ -1,11 +1,10 @@
 """Where points lie in a disk mesh."""
 
 import numpy as np
-import pytest
 
 from meshes import boundary_loop
 from qclearn.plane.beltrami import locate
-from qclearn.plane.disk import INSET, Disk
+from qclearn.plane.disk import INSET
 from qclearn.plane.grids import polar_disk
 from qclearn.plane.mobius import mobius
 
@@ -70,15 +69,6 @@ def test_locate_in_a_moved_mesh():
     found = (barycentric * moved[faces[face]]).sum(1)
     np.testing.assert_allclose(found, [0, found[1].real, found[2].real, 1j * found[3].imag], atol=1e-14)
     assert (abs(found[1:]) > 0.95).all()
-
-
-@pytest.mark.parametrize("reach", [1.0, 0.1])
-def test_a_single_question_is_answered_as_many_are(mesh, reach):
-    """Whether faces from all over the mesh come near the points, or few of them."""
-    disk, rng = Disk(*mesh), np.random.default_rng(1)
-    points = 0.1 + reach * np.sqrt(rng.uniform(size=100)) * np.exp(2j * np.pi * rng.uniform(size=100))
-    for found, expected in zip(disk.lookup.once(points), disk.lookup(points)):
-        np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 def test_places_in_a_face_turned_over_have_weights_too():

@@ -23,7 +23,7 @@ def solved(mesh, grid):
     """The `CoefficientMesh` of a mesh and the polar mesh `grid`, its solver at `field`; the map; and
     the matrix from nu to the mesh's faces."""
     link = CoefficientMesh(mesh, grid)
-    to_faces = grid.to_faces if mesh is grid else grid.sampling(mesh.centroids)
+    to_faces = grid.to_faces if mesh is grid else grid.interpolation(mesh.centroids)
     return link, link.solver.solve(bounded(to_faces @ field(grid.z))), to_faces
 
 
@@ -31,7 +31,7 @@ def both(mesh, grid, points):
     """Gradients of Re f and Im f at points with respect to nu, (2, P, N): in closed form, and by
     adjoint solves."""
     link, f, to_faces = solved(mesh, grid)
-    samples, nu = mesh.sampling(points), field(grid.z)
+    samples, nu = mesh.interpolation(points), field(grid.z)
     grad_f = np.concatenate([samples.toarray(), 1j * samples.toarray()])
     exact = bounded_pullback(to_faces @ nu, link.solver.pullback(grad_f)) @ to_faces
     return Tangent(link, samples).gradients(nu, f), exact.reshape(2, len(points), -1)
@@ -70,7 +70,8 @@ def test_the_rows_are_near_the_exact_ones_in_the_priors_norm(name):
 
 
 def test_zero_stays_and_one_turns_not():
-    closed, exact = both(polar(12), polar(12), np.array([1e-9, 1.0, 0.4]))
+    # A hair after 1: on the edge there that the solver holds, of the faces at this vertex.
+    closed, exact = both(polar(12), polar(12), np.array([1e-9, np.exp(1e-12j), 0.4]))
     largest = abs(exact).max()
     assert abs(closed[:, 0]).max() < 0.02 * largest  # f(0) = 0
     assert abs(closed[1, 1]).max() < 1e-9 * largest  # arg f(1) = 0

@@ -92,7 +92,7 @@ def test_few_vertices_of_a_large_surface_judge_as_all_do(monkeypatch):
     monkeypatch.setattr("qclearn.registration.features.LARGE", len(Z) - 1)
     judges = some, areas = features().judges(30.0)
     assert 600 <= len(some) < len(Z) / 2 and areas.sum() == pytest.approx(1) and areas.min() > 0
-    places = Places(DISK, DISK.sampling(Z[some]))
+    places = Places(DISK, DISK.interpolation(Z[some]))
     judged = (FeatureTerm(every, 30.0, 1.0, places, judges).residual(0.9 * Z) ** 2).sum()
     assert judged == pytest.approx(whole, rel=0.03)
     assert features().judges(4.0)[0] == slice(None)

@@ -50,7 +50,7 @@ def smooth_problem(seed, count=60):
         0.15 * rng.normal(),
     )
     p = np.sqrt(rng.uniform(0, 0.8, count)) * np.exp(2j * np.pi * rng.uniform(size=count))
-    return p, Disk(z, faces).sampling(p) @ f
+    return p, Disk(z, faces).interpolation(p) @ f
 
 
 SMALL = square_disk(20)
@@ -344,7 +344,7 @@ def test_sliding_frees_the_residual_along_the_curve_only():
     z, faces = SMALL
     (p, labels), (q, _) = lines(), lines(0.3)
     points, curves = (fit_landmarks(z, faces, p, q, 1.0, 1e-2, 1e3, labels, sliding) for sliding in (False, True))
-    left = Disk(z, faces).sampling(p) @ curves.f - q
+    left = Disk(z, faces).interpolation(p) @ curves.f - q
     assert abs(left.imag).max() < 0.01 and abs(left.real).max() > 0.02
     assert points.landmark_error < curves.landmark_error
     assert curves.losses["L_mu"] < 0.7 * points.losses["L_mu"]

@@ -69,7 +69,7 @@ def equations():
     mesh = Disk(*polar_disk(5, 15))
     moving, target = 0.7 * np.exp(1j * np.arange(4)), 0.6 * np.exp(1j * np.arange(4) + 0.2j)
     discretization = Discretization(Problem(MOVING, moving, target), CoefficientMesh(mesh, mesh), on_nu_mesh=True)
-    features = FeatureTerm(features_of(TWIST), 16.0, 0.5, Places(CONTROL, mesh.sampling(MOVING.z)))
+    features = FeatureTerm(features_of(TWIST), 16.0, 0.5, Places(CONTROL, mesh.interpolation(MOVING.z)))
     objective = GaussNewtonObjective(discretization, Weights(1.0, 0.02, 1e2, 0.5), features)
     nu = 0.2 * (rng.normal(size=len(mesh.z)) + 1j * rng.normal(size=len(mesh.z)))
     state = objective.at(nu, (0.1 - 0.05j, 0.2))

@@ -124,7 +124,7 @@ def test_a_fit_never_ends_above_the_best_mobius_map(case, mesh, gamma):
     """Nor in a map that folds: steps that objectives alone choose would, of "permuted" on the coarse mesh."""
     p, q = (np.asarray(side, complex) for side in ASTRAY[case])
     fit = fit_landmarks(*mesh, p, q, gamma=gamma)
-    samples, best = Disk(*mesh).sampling(p), mobius(mesh[0], *best_mobius(p, q))
+    samples, best = Disk(*mesh).interpolation(p), mobius(mesh[0], *best_mobius(p, q))
     square, floor = ((abs(samples @ f - q) ** 2).mean() for f in (fit.f, best))
     assert square <= floor * (1 + 1e-9) and fit.losses["L_CP"] <= gamma * floor * (1 + 1e-9)
     assert fit.bijective and check_bijective(*mesh, fit.f).bijective
@@ -157,7 +157,7 @@ def test_a_fit_gone_astray_is_taken_up_again_from_the_mobius_map():
     fit = fit_landmarks(*mesh, p, q, gamma=1e5)
     assert re.fullmatch(r"the fit ended above the best Möbius map: \d+ steps from there", fit.fallbacks[0])
     best = mobius(mesh[0], *best_mobius(p, q))
-    assert fit.losses["L_CP"] < 0.9 * 1e5 * (abs(Disk(*mesh).sampling(p) @ best - q) ** 2).mean()
+    assert fit.losses["L_CP"] < 0.9 * 1e5 * (abs(Disk(*mesh).interpolation(p) @ best - q) ** 2).mean()
 
 
 def test_a_damped_step_is_shorter_and_turns_to_the_steepest_descent():

@@ -98,7 +98,7 @@ def scattered(rng):
         q = 0.95 * np.sqrt(rng.random(round(2 ** rng.uniform(2, 7))))
         q = q * np.exp(2j * np.pi * rng.random(len(q)))
         f = solver.solve(random_coefficient(MESH, rng, kind=rng.choice(KINDS), max_abs=(0.1, 0.6)))
-        yield Problem(MESH, *aligned(MESH.sampling(q) @ f, q))
+        yield Problem(MESH, *aligned(MESH.interpolation(q) @ f, q))
 
 
 def real(rng):
@@ -167,7 +167,7 @@ def stepped(problem, weights, steps=3):
     start, mesh = time.process_time(), polar(*COARSE)
     level = Level(COARSE[0], None, steps, min_predicted_decrease=0.0)
     objective = MultiresolutionFit(problem).objective(level, weights)
-    to_faces = mesh.sampling(problem.disk.centroids)
+    to_faces = mesh.interpolation(problem.disk.centroids)
     state = objective.at(np.zeros(len(mesh.z), complex), problem.mobius)
     for _ in range(steps):
         state = objective.step(state, weights.gamma) or state

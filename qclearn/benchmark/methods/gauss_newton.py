@@ -38,7 +38,7 @@ def coarse_steps(problem, steps=1, alpha=Weights.alpha, beta=Weights.beta, gamma
     objective = MultiresolutionFit(problem).objective(level, weights)
     start = objective.at(np.zeros(len(mesh.z), complex), problem.mobius)
     state, _ = run_level(objective, start, level)
-    mu = bounded(mesh.sampling(polar(*FINE).centroids) @ state.nu)
+    mu = bounded(mesh.interpolation(polar(*FINE).centroids) @ state.nu)
     return few_steps(problem, mu, steps, weights)
 
 
@@ -53,6 +53,6 @@ def few_steps(problem, mu, steps, weights):
     objective = MultiresolutionFit(problem).objective(level, weights)
     begin = objective.at(mesh.to_vertices @ unbounded(mu), (0j, 0.0))
     state, _ = run_level(objective, objective.aligned(begin), level)
-    result = exact_map(problem, bounded(mesh.sampling(problem.disk.centroids) @ state.nu))
+    result = exact_map(problem, bounded(mesh.interpolation(problem.disk.centroids) @ state.nu))
     warn_of(result.fallbacks)
     return result.f

@@ -52,7 +52,7 @@ def moved(mesh):
     fine = Disk(*polar_disk(24, 72))
     f = DiskSolver(fine).solve(random_mu(np.random.default_rng(0), fine.z, fine.faces, 0.4))
     p, curve = four_curves()
-    return Problem(mesh, p, fine.sampling(p) @ f, curve)
+    return Problem(mesh, p, fine.interpolation(p) @ f, curve)
 
 
 def error(problem, f):
@@ -254,7 +254,7 @@ def displacement(rings):
     z, faces = polar_disk(rings, 3 * rings)
     ellipse = np.stack([long * z.real, short * z.imag, 0 * z.real], 1)
     disk = Disk(disk_conformal_map(Surface(ellipse, faces)), faces)
-    foci = Disk((ellipse @ [1, 1j, 0]) / long, faces).sampling(np.array([-2, 2]) / long) @ disk.z
+    foci = Disk((ellipse @ [1, 1j, 0]) / long, faces).interpolation(np.array([-2, 2]) / long) @ disk.z
     solver = LandmarkSolver(Problem(disk, foci[:1], foci[1:]))
     solver.boundary = disk.z[disk.loop]
     return solver, 2 / long

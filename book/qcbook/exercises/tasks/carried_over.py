@@ -57,7 +57,7 @@ def verdict(answer, case):
     strange = ~np.isin(there, labels)
     if strange.any():
         return f"{strange.sum()} vertices have a label that names no region, {there[strange][0]:g} for one"
-    shares = Disk(w, faces).sampling(f).toarray()
+    shares = Disk(w, faces).interpolation(f).toarray()
     largest = shares.max(1)
     own = np.array([row[labels == label].max() for row, label in zip(shares, there)])
     if not (own >= largest - 1e-9).all():

@@ -38,7 +38,7 @@ def cases(rng):
         p = 0.7 * np.sqrt(rng.uniform(size=5)) * np.exp(2j * np.pi * rng.uniform(size=5))
         q = p + 0.1 * (rng.normal(size=5) + 1j * rng.normal(size=5))
         dmu = rng.normal(size=len(mu)) + 1j * rng.normal(size=len(mu))
-        yield disk, mu, disk.sampling(p), q, gamma, dmu
+        yield disk, mu, disk.interpolation(p), q, gamma, dmu
 
 
 def slope(case, h=1e-5):
