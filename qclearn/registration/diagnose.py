@@ -15,10 +15,10 @@ import numpy as np
 from ..plane.linear import face_areas
 from ..plane.mobius import nearest_mobius
 from ..surfaces.checks import places_of
-from ..surfaces.surface import SurfaceError
+from ..surfaces.surface import SurfaceError, closing_fans
 from ..surfaces.units import size_of
 from .curves import SIDES
-from .features import FOLDS, SCALE, align_by_features, check_features, closing_fan, featured
+from .features import FOLDS, SCALE, align_by_features, check_features, featured
 from .metrics import mean_rows
 
 LIMITS = {
@@ -313,7 +313,7 @@ def differing_walls(moving, control):
 
 def relative_gap(surface):
     """Area of the fan that closes a surface's rim over its squared length."""
-    return face_areas(*closing_fan(surface)).sum() / size_of(surface).length ** 2
+    return face_areas(*closing_fans(surface)).sum() / size_of(surface).length ** 2
 
 
 def reasons(moving, rows, fit):

@@ -19,7 +19,7 @@ from ..plane.linear import LARGE, around_vertices, heat_flow
 from ..plane.mobius import centring_mobius, compose_mobius, mobius, mobius_fields
 from ..surfaces.checks import degenerate_faces
 from ..surfaces.curvature import mean_curvature, sulcal_depth
-from ..surfaces.surface import Surface, SurfaceError
+from ..surfaces.surface import Surface, SurfaceError, closing_fans
 from .problem import is_finite
 
 COMPUTED = {"depth": sulcal_depth, "curvature": mean_curvature}
@@ -258,14 +258,6 @@ class RotationSearch:
         return r, best.apply(sphere)
 
 
-def closing_fan(surface):
-    """Triangles (R, 3) from each edge of the rim to the mean of its vertices, and the vertices
-    (V + 1, 3), that mean last."""
-    rim, count = surface.boundary, len(surface.vertices)
-    fan = np.stack([np.roll(rim, -1), rim, np.full(len(rim), count)], axis=1)
-    return np.vstack([surface.vertices, surface.vertices[rim].mean(0)]), fan
-
-
 def crude_sphere(surface, spread=None):
     """The vertices of a surface cut open at one rim on the unit sphere (V, 3), from their places
     alone.
@@ -276,7 +268,7 @@ def crude_sphere(surface, spread=None):
     spread: of `Smoothing.few`, whose vertices then carry the heat.
     """
     count = len(surface.vertices)
-    places, fan = closing_fan(surface)
+    places, fan = closing_fans(surface)
     # A slit's rim may have faces without area in its fan; it needs none.
     slit = len(degenerate_faces(places, fan)) > 0
     closed = surface if slit else Surface(places, np.vstack([surface.faces, fan]))

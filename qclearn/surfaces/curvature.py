@@ -14,7 +14,7 @@ from ..plane.disk import Disk
 from ..plane.grids import pixel_centres
 from ..plane.linear import LARGE, middles
 from .checks import frozen
-from .surface import Surface, SurfaceError
+from .surface import Surface, SurfaceError, closing_fans
 
 # In units of sqrt(area of the convex hull): the radius of the ball that closes the sulci, and the
 # side of a voxel.
@@ -146,12 +146,8 @@ def _filled(surface, origin, cell, shape):
     by fans."""
     import pyvista  # slow to import, and nothing else here needs it
 
-    points, triangles = [surface.vertices], [surface.faces]
-    for k, loop in enumerate(surface.boundary_loops):
-        centre = np.full(len(loop), len(surface.vertices) + k)
-        points.append(surface.vertices[loop].mean(axis=0)[None])
-        triangles.append(np.stack([np.roll(loop, -1), loop, centre], axis=1))
-    body = pyvista.PolyData.from_regular_faces(np.concatenate(points), np.concatenate(triangles))
+    points, fans = closing_fans(surface)
+    body = pyvista.PolyData.from_regular_faces(points, np.vstack([surface.faces, fans]))
     grid = pyvista.ImageData(dimensions=shape, spacing=(cell,) * 3, origin=origin)
     mask = body.voxelize_binary_mask(reference_volume=grid)["mask"]
     return mask.reshape(shape[::-1]).transpose(2, 1, 0) > 0

@@ -156,17 +156,11 @@ class Surface:
 
     @cached_property
     def volume(self) -> float:
-        """Signed enclosed volume, each loop capped by a fan from its centroid; positive = the faces
-        look outward."""
-        centred = self.vertices - self.vertices.mean(axis=0)
-        six_volumes = np.linalg.det(centred[self.faces]).sum()
-        for loop in self.boundary_loops:
-            rim = centred[loop]
-            centre = np.broadcast_to(rim.mean(axis=0), rim.shape)
-            # The cap runs against the loop, as every neighbouring face does.
-            cap = np.stack([centre, np.roll(rim, -1, axis=0), rim], axis=1)
-            six_volumes += np.linalg.det(cap).sum()
-        return float(six_volumes / 6)
+        """Signed enclosed volume, the `closing_fans` on its boundary; positive = the faces look
+        outward."""
+        points, fans = closing_fans(self)
+        corners = points[np.vstack([self.faces, fans])] - self.vertices.mean(axis=0)
+        return float(np.linalg.det(corners).sum() / 6)
 
 
 class Mesh(NamedTuple):
@@ -206,6 +200,17 @@ class Mesh(NamedTuple):
         numbers = np.flatnonzero(used) if numbers is None else numbers[used]
         mesh = self.renumbered(np.where(used, used.cumsum() - 1, -1))
         return mesh._replace(vertices=self.vertices[used], original_vertices=numbers)
+
+
+def closing_fans(surface):
+    """The triangles (R, 3) that close a surface, oriented as it is: from each edge of the boundary
+    to the mean of its loop; and the vertices (V + L, 3) with these means, one a loop, last."""
+    points, fans = [surface.vertices], [np.zeros((0, 3), np.int64)]
+    for k, loop in enumerate(surface.boundary_loops):
+        points.append(surface.vertices[loop].mean(axis=0)[None])
+        centre = np.full(len(loop), len(surface.vertices) + k)
+        fans.append(np.stack([np.roll(loop, -1), loop, centre], axis=1))
+    return np.concatenate(points), np.concatenate(fans)
 
 
 def require_disk(surface: Surface) -> None:
