@@ -35,27 +35,41 @@ def planar_points(points, name="z"):
     return points
 
 
-def check_faces(faces, n_vertices):
-    """Triangles as int64 (F, 3), or BeltramiError."""
+def counted(items, one, many=None):
+    """How many items there are, with their noun: '1 face', '2 faces'."""
+    return f"{len(items)} {one if len(items) == 1 else many or one + 's'}"
+
+
+def some(items):
+    """The first five of a list or an array, and how many more, for error messages."""
+    items = items if isinstance(items, list) else items.tolist()
+    more = f" and {len(items) - 5} more" if len(items) > 5 else ""
+    return ", ".join(map(str, items[:5])) + more
+
+
+def check_faces(faces, n_vertices, error=BeltramiError):
+    """Triangles as int64 (F, 3), at least one, with corners in range; or an `error`, which is a
+    SurfaceError for the faces of a surface."""
     try:
         faces = np.asarray(faces)
     except ValueError:
-        raise BeltramiError(
-            "faces have rows of unequal lengths; split polygons into triangles (F, 3)"
-        ) from None
-    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu" or not len(faces):
-        raise BeltramiError(
-            f"faces have shape {faces.shape} and type {faces.dtype}: give integers (F, 3), at "
-            "least one triangle"
+        raise error("faces have rows of unequal lengths; split polygons into triangles") from None
+    if faces.ndim != 2 or faces.shape[1] != 3:
+        raise error(
+            f"faces must have the shape (F, 3), not {faces.shape}; split polygons into triangles"
         )
-    faces = faces.astype(np.int64, copy=False)  # products of indices leave the smaller types
+    if faces.dtype.kind not in "iu":
+        raise error(f"faces must be integers, not {faces.dtype}; give faces.astype(int)")
+    if not len(faces):
+        raise error("there are no faces; give at least one triangle")
     if faces.min() < 0 or faces.max() >= n_vertices:
-        outside = np.flatnonzero(((faces < 0) | (faces >= n_vertices)).any(1))[:5].tolist()
-        raise BeltramiError(
-            f"faces {outside} name vertices outside 0..{n_vertices - 1}; do the mesh and the "
+        out = np.flatnonzero(((faces < 0) | (faces >= n_vertices)).any(axis=1))
+        raise error(
+            f"{counted(out, 'face')} with corners outside 0 ... {n_vertices - 1}: {some(out)}. "
+            "Indices count from 0 (subtract 1 if the source counts from 1); do the mesh and the "
             "vertices belong together?"
         )
-    return faces
+    return faces.astype(np.int64, copy=False)  # products of indices leave the smaller types
 
 
 def check_mesh(z, faces):

@@ -5,7 +5,7 @@ import scipy
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from ..plane.checks import SurfaceError
+from ..plane.checks import SurfaceError, counted, some
 
 LARGEST = 1e60  # of a coordinate: a squared area, its fourth power, is still a number
 ONE_PLACE = 1e-10  # of the boundary's length: points that near to each other lie in one place
@@ -16,18 +16,6 @@ def frozen(array):
     """The array, read-only from now on."""
     array.flags.writeable = False
     return array
-
-
-def counted(items, one, many=None):
-    """How many items there are, with their noun: '1 face', '2 faces'."""
-    return f"{len(items)} {one if len(items) == 1 else many or one + 's'}"
-
-
-def some(items):
-    """The first five of a list or an array, and how many more, for error messages."""
-    items = items if isinstance(items, list) else items.tolist()
-    more = f" and {len(items) - 5} more" if len(items) > 5 else ""
-    return ", ".join(map(str, items[:5])) + more
 
 
 def origins(numbers, n_vertices):
@@ -93,28 +81,6 @@ def vertex_array(vertices, finite=True):
     return frozen(vertices)
 
 
-def face_array(faces, n_vertices):
-    """Faces as read-only int64 (F, 3), at least one, with corners in range."""
-    faces = np.asarray(faces)
-    if faces.ndim != 2 or faces.shape[1] != 3:
-        raise SurfaceError(
-            f"faces must have the shape (F, 3), not {faces.shape}; split polygons into triangles"
-        )
-    if faces.dtype.kind not in "iu":
-        raise SurfaceError(
-            f"faces must be integers, not {faces.dtype}; convert them with faces.astype(int)"
-        )
-    if not len(faces):
-        raise SurfaceError("the surface has no faces; give at least one triangle")
-    if faces.min() < 0 or faces.max() >= n_vertices:
-        out = np.flatnonzero(((faces < 0) | (faces >= n_vertices)).any(axis=1))
-        raise SurfaceError(
-            f"{counted(out, 'face')} with corners outside 0 ... {n_vertices - 1}: {some(out)}. "
-            "Indices count from 0 (subtract 1 if the source counts from 1)"
-        )
-    return frozen(np.array(faces, dtype=np.int64, order="C"))
-
-
 def curve_path(name, path, n_vertices):
     """A curve as read-only int64 (k,), vertices of the surface."""
     path = np.array(path)
@@ -129,7 +95,7 @@ def curve_path(name, path, n_vertices):
     return frozen(path.astype(np.int64))
 
 
-def check_faces(vertices, faces, torn=False):
+def check_shapes(vertices, faces, torn=False):
     """SurfaceError for degenerate faces and, unless `torn`, for unused vertices."""
     unused = np.flatnonzero(np.bincount(faces.ravel(), minlength=len(vertices)) == 0)
     if unused.size and not torn:

@@ -6,7 +6,15 @@ import numpy as np
 from jaxtyping import Bool, Integer
 from numpy import ndarray
 
-from .checks import LARGEST, check_faces, check_topology, components, norms, places_of, vertex_array
+from .checks import (
+    LARGEST,
+    check_shapes,
+    check_topology,
+    components,
+    norms,
+    places_of,
+    vertex_array,
+)
 from .surface import Mesh, Surface, SurfaceError, require_disk
 
 
@@ -77,7 +85,7 @@ def _without_wall(mesh, mask, cut):
     used = np.bincount(faces.ravel(), minlength=count)[:count] > 0
     vertices = vertex_array(np.where(used[:, None], mesh.vertices, 0))
     vertices = np.concatenate([vertices, np.full((3 * wall.sum(), 3), np.nan)])
-    check_faces(vertices, faces, torn=True)
+    check_shapes(vertices, faces, torn=True)
     judged = np.append(used & ~mask, np.zeros(3 * wall.sum(), dtype=bool))
     edges, edge_faces, _ = check_topology(vertices, faces, judged)
     part = {"vertices": vertices, "faces": faces, "edges": edges, "edge_faces": edge_faces}

@@ -13,13 +13,12 @@ from numpy import ndarray
 from scipy.sparse import csc_array, csr_array
 from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 
-from ..plane.checks import SurfaceError
+from ..plane.checks import SurfaceError, check_faces
 from ..plane.linear import around_vertices, cotangent_stiffness, edge_lengths
 from .checks import (
-    check_faces,
+    check_shapes,
     check_topology,
     curve_path,
-    face_array,
     frozen,
     merged_numbers,
     norms,
@@ -54,8 +53,8 @@ class Surface:
         original_vertices: Integer[ndarray, " V"] | None = None,
     ):
         self.vertices = vertex_array(vertices)
-        self.faces = face_array(faces, len(self.vertices))
-        check_faces(self.vertices, self.faces)
+        self.faces = frozen(check_faces(faces, len(self.vertices), SurfaceError).copy(order="C"))
+        check_shapes(self.vertices, self.faces)
         self.edges, self.edge_faces, self._boundary_halfedges = check_topology(
             self.vertices, self.faces
         )
@@ -177,7 +176,8 @@ class Mesh(NamedTuple):
         """The mesh of arrays; SurfaceError where shapes, kinds of numbers or corners are wrong."""
         vertices = vertex_array(vertices, finite=False)
         curves = {name: curve_path(name, path, len(vertices)) for name, path in curves.items()}
-        return cls(vertices, face_array(faces, len(vertices)), curves, original_vertices)
+        faces = frozen(check_faces(faces, len(vertices), SurfaceError).copy(order="C"))
+        return cls(vertices, faces, curves, original_vertices)
 
     fingerprint = property(Surface.fingerprint.func)
 
