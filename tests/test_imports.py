@@ -65,8 +65,8 @@ def test_importing_the_library_loads_nothing_and_its_names_no_network_and_no_pic
 IMPORTED_AS = {"scikit-image": "skimage", "cat-surf": "cat_surf", "lazy-loader": "lazy_loader"}
 # A program that runs in a process of its own, because of the licence of what it imports.
 PROGRAM = "qclearn.benchmark.methods.catsurf"
-# Come with another package: with pyvista, with distributed, and with matplotlib.
-BROUGHT = {"vtkmodules", "dask", "PIL"}
+# Come with another package: with pyvista, two with distributed, and with matplotlib.
+BROUGHT = {"vtkmodules", "dask", "cloudpickle", "PIL"}
 # Needed without an import: fsaverage5's files.
 UNIMPORTED = {"nilearn"}
 

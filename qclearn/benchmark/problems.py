@@ -1,4 +1,4 @@
-"""The problems of the benchmark's sets by name, and their pairs of surfaces as dask futures."""
+"""The problems of the benchmark's sets by name, each with how its pair of surfaces is made."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -89,15 +89,3 @@ def every_problem(subjects):
     sides = ((cortex.conte69_sides,),)
     for part in cortex.PARTS:
         yield Spec("conte69", f"right to left, {part}", cortex.conte69_pair, sides, (part,))
-
-
-def submit_pair(client, spec, grown):
-    """The future of a problem's Pair; its sides are futures that pairs share.
-
-    grown: (vertices, folder, generation) of subjects: workers may have other defaults.
-    """
-    sides = [
-        client.submit(function, *given, *(grown if function is mapped_subject else ()))
-        for function, *given in spec.sides
-    ]
-    return client.submit(spec.make, *sides, *spec.options)

@@ -21,17 +21,18 @@ from tqdm import tqdm
 from data_synth.cohort import GENERATION, hemispheres
 from data_synth.cortex import FEWEST, MOST
 
-from ..group.workers import connect, versions
 from ..io.extras import require
 from ..io.provenance import commit, processor
+from .cluster import connect, finished, versions
 from .cortex import person
 from .measured import BenchmarkError
 from .methods import METHODS
 from .pairs import CONTROL
-from .problems import problems, submit_pair
+from .problems import problems
 from .rows import Journal
 from .runs import check_runs, lacking, table_of
-from .trial import trial
+
+LIMIT = 3600.0  # seconds for a row of a method that is not ours
 
 
 def benchmark(
@@ -48,15 +49,16 @@ def benchmark(
     fronts=False,
     peers=True,
     programs=(),
+    limit=LIMIT,
 ):
     """Run all `runs` on all problems of `sets`, write the results file `out`, return its contents.
 
     subjects: number, of the cohort's 24; runs: by default the table of `table_of(peers, fronts)`,
     without those whose networks have no weights here or whose extra is missing; programs: more
     runs, beside either; scheduler: address of a dask scheduler (one thread a worker), None for
-    `workers` processes here; folder: for synthetic subjects (on each worker's machine). Called
-    again, a stopped run goes on from the finished tasks. Errors: BenchmarkError, WorkersError;
-    ImportError without the extra.
+    `workers` processes here; folder: for synthetic subjects (on each worker's machine); limit:
+    seconds for a row of a method that is not one of METHODS. Called again, a stopped run goes on
+    from the finished tasks. Errors: BenchmarkError; ImportError without the extra.
     """
     require("benchmark", "benchmarks")
     out, left_out = Path(out), {}
@@ -65,9 +67,10 @@ def benchmark(
         left_out = {run.name: reason for run in table if (reason := lacking(run))}
         runs = [run for run in table if run.name not in left_out]
     runs, specs = check_runs((*runs, *programs), methods), problems(subjects, sets)
-    if not FEWEST <= vertices <= MOST or workers < 1:
-        wanted = f"{FEWEST:,} to {MOST:,} vertices and at least one worker"
-        raise BenchmarkError(f"{vertices} vertices, {workers} workers: give {wanted}")
+    if not (FEWEST <= vertices <= MOST and workers >= 1 and limit > 0):
+        wanted = f"{FEWEST:,} to {MOST:,} vertices, at least one worker, and a limit above 0"
+        given = f"{vertices} vertices, {workers} workers, a limit of {limit} s"
+        raise BenchmarkError(f"{given}: give {wanted}")
     known = versions() | ({"cat-surf": version("cat-surf")} if find_spec("cat_surf") else {})
     origin = {"commit": commit(), "date": date.today().isoformat(), "versions": known}
     origin["threads_per_task"] = 1
@@ -96,9 +99,13 @@ def benchmark(
     tasks = [(spec, run) for spec, run in wanted if (spec.set, spec.pair, run.name) not in done]
     counts = {"total": len(wanted), "initial": len(done)}
     with connect(scheduler, workers) if tasks else nullcontext() as client:
-        machines = machine(client) if tasks else {"workers": 1, "processors": [processor()]}
+        machines = {"workers": 1, "processors": [processor()]}
+        if tasks:
+            processors = sorted(set(client.run(processor).values()))
+            machines = {"workers": len(client.nthreads()), "processors": processors}
         with tqdm(desc="benchmark", disable=not progress, **counts) as bar:
-            for row in finished(client, tasks, methods, (vertices, folder, GENERATION)):
+            grown = vertices, folder, GENERATION
+            for row in finished(client, tasks, methods, grown, limit) if tasks else ():
                 journal.append(row)
                 bar.set_postfix_str(f"{row['pair']}, {row['run']}", refresh=False)
                 bar.update()
@@ -112,36 +119,3 @@ def people_files(specs):
     these files alone."""
     paths = {given[0] for spec in specs for read, *given in spec.sides if read is person}
     return {Path(path).stem: sha256(Path(path).read_bytes()).hexdigest() for path in sorted(paths)}
-
-
-def finished(client, tasks, methods, grown):
-    """Rows as their tasks finish; a failed task, worker or problem gives a row with a message."""
-    if not tasks:
-        return
-    from distributed import as_completed
-
-    futures, pairs = {}, {}
-    for spec, run in tasks:
-        if spec not in pairs:
-            pairs[spec] = submit_pair(client, spec, grown)
-        future = client.submit(trial, pairs[spec], run, methods[run.method], pure=False)
-        futures[future] = spec, run
-    pairs.clear()  # from here on a problem stays on the workers as long as its tasks need it
-    for future in as_completed(list(futures)):
-        spec, run = futures.pop(future)
-        if future.status == "cancelled":
-            raise BenchmarkError(
-                "the scheduler was lost; what was finished is kept: run it again to go on"
-            )
-        error = future.exception() if future.status == "error" else None
-        row = {"set": spec.set, "pair": spec.pair, "run": run.name, "method": run.method}
-        row |= {"parameters": run.parameters, "landmarks": run.landmarks}
-        if error:
-            yield row | {"status": "failed", "message": f"{type(error).__name__}: {error}"}
-        else:
-            yield row | future.result()
-
-
-def machine(client):
-    processors = sorted(set(client.run(processor).values()))
-    return {"workers": len(client.nthreads()), "processors": processors}

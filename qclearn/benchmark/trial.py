@@ -63,7 +63,13 @@ def trial(pair, run, method):
             figures["there_and_back_mm"] = way_back(pair, run, method, places)
             return {"status": "done"} | figures | costs
     except Exception as error:
-        return {"status": "failed", "message": f"{type(error).__name__}: {error}"}
+        return failed(error)
+
+
+def failed(error):
+    """The figures of a row that failed, by its exception or a message."""
+    kind = f"{type(error).__name__}: " if isinstance(error, BaseException) else ""
+    return {"status": "failed", "message": f"{kind}{error}"}
 
 
 def timed(method, problem, parameters):

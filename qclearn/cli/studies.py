@@ -81,7 +81,7 @@ def train(network, preset, gamma, out, data, steps, seed, quick):
     multiple=True,
     help="A method that is a program: `NAME='COMMAND'`, see above; repeatable.",
 )
-@click.option("--limit", type=float, default=3600, help="Seconds for a --program.")
+@click.option("--limit", type=float, default=3600, help="Seconds for a row of another's method.")
 @click.option(
     "--peers",
     type=click.Choice(["with", "without", "only"]),
@@ -126,6 +126,7 @@ def benchmark(
         fronts=fronts,
         peers={"with": True, "without": False}.get(peers, peers),
         programs=[program_of(text, limit) for text in programs],
+        limit=limit,
     )
     print(f"{'run':38} done  certified  " + "  ".join(FIGURES.values()))
     for name in results["settings"]["sets"]:

@@ -17,24 +17,25 @@ from pathlib import Path
 
 import pytest
 from distributed import Client, LocalCluster
-from toys import broken, pair_of, shrunk, trial_of
+from toys import shrunk, trial_of
 
 from data_synth.cohort import hemispheres
+from qclearn.benchmark import cluster as engine
 from qclearn.benchmark import run as module
 from qclearn.benchmark import runs as table
+from qclearn.benchmark.isolated import isolated_trial
 from qclearn.benchmark.measured import BenchmarkError, read_measured
 from qclearn.benchmark.methods import METHODS, networks
-from qclearn.benchmark.run import benchmark, problems
+from qclearn.benchmark.problems import Spec, problems
+from qclearn.benchmark.run import benchmark
 from qclearn.benchmark.runs import FRONT, PEERS, RUNS, Run, check_runs, lacking, run_of
 from qclearn.cli import main
-from qclearn.group import workers as connection
-from qclearn.group.workers import WorkersError
 from subjects import stand_in
 
 SIZE = 1000
 
 
-OWN = METHODS | {"shrunk": shrunk, "broken": broken}
+OWN = METHODS | {"shrunk": shrunk}
 
 
 @pytest.fixture(scope="module")
@@ -88,19 +89,47 @@ def small(out, folder, runs, **options):
     return benchmark(out, runs=runs, folder=folder, **options)
 
 
-def test_a_method_of_ones_own_joins_and_a_broken_one_stops_nobody(tmp_path, folder, inside):
-    runs = [Run("Möbius", "mobius_only"), Run("mine", "shrunk", {"shift": 0.1}), Run("broken", "broken")]
-    results = small(tmp_path / "r.json", folder, runs)
+def crash(problem):
+    os.kill(os.getpid(), signal.SIGSEGV)
+
+
+def recursion(problem):
+    return recursion(problem)
+
+
+def endless(problem):
+    while True:
+        time.sleep(1)
+
+
+def shifted(by):
+    return lambda problem: shrunk(problem, by)
+
+
+METHODS_OF_OTHERS = {  # method -> its row's status, or the words of its message
+    crash: "its process ended with SIGSEGV",
+    (lambda problem: sys.exit("no licence")): "SystemExit: no licence",
+    recursion: "RecursionError: maximum recursion depth exceeded",
+    endless: "not done after 4 s and was stopped: give it more time by the limit",
+    shifted(0.1): "done",
+}
+
+
+def test_whatever_a_method_of_others_does_touches_no_other_row(tmp_path, folder, inside, monkeypatch):
+    def soon(pair, run, method, limit):
+        """The loop alone is stopped soon: on a busy machine the other processes need longer."""
+        return isolated_trial(pair, run, method, limit if run.name == "method 3" else 600)
+
+    monkeypatch.setattr(engine, "isolated_trial", soon)
+    methods = {f"method {k}": method for k, method in enumerate(METHODS_OF_OTHERS)}
+    runs = [Run("Möbius", "mobius_only"), *(Run(name, name) for name in methods)]
+    results = small(tmp_path / "r.json", folder, runs, subjects=1, methods=METHODS | methods, limit=4)
     assert read_measured("benchmark", tmp_path / "r.json") == results
-    assert {(row["pair"], row["run"]): row["status"] for row in results["rows"]} == {
-        (f"{seed} to 2001", run.name): "failed" if run.name == "broken" else "done"
-        for seed in (1001, 1002)
-        for run in runs
-    }
-    rows = {row["run"]: row for row in results["rows"] if row["pair"] == "1001 to 2001"}
-    assert rows["broken"]["message"] == "RuntimeError: no such luck"
-    assert rows["mine"]["landmark_error"] > rows["Möbius"]["landmark_error"] > 0
-    assert rows["mine"]["parameters"] == {"shift": 0.1}
+    rows = {row["run"]: row for row in results["rows"]}
+    for name, words in zip(methods, METHODS_OF_OTHERS.values()):
+        assert words in rows[name].get("message", rows[name]["status"])
+        assert "\n" not in rows[name].get("message", "")
+    assert rows["method 4"]["landmark_error"] > rows["Möbius"]["landmark_error"] > 0
     assert results["provenance"]["threads_per_task"] == 1 and results["provenance"]["workers"] == 1
 
 
@@ -153,8 +182,9 @@ def test_a_killed_worker_costs_only_its_task(tmp_path, folder, inside, monkeypat
     runs = [Run(f"mine {k}", "shrunk", {"shift": 0.02 * k}) for k in range(6)]
     (row,) = small(tmp_path / "a.json", folder, runs[:1], subjects=1)["rows"]
     figures = {name: row[name] for name in row if name not in ("set", "pair", "run", *asdict(runs[0]))}
-    monkeypatch.setattr(module, "trial", partial(trial_of, figures))
-    monkeypatch.setattr(module, "submit_pair", lambda client, spec, _: client.submit(pair_of, spec))
+    specs = [Spec("cohort", f"{seed} to 2001", int, options=(seed,)) for seed in (1001, 1002)]
+    monkeypatch.setattr(module, "problems", lambda *_: specs)
+    monkeypatch.setattr(engine, "isolated_trial", partial(trial_of, figures))
     out = tmp_path / "b.json"
 
     def kill_midway():
@@ -190,10 +220,10 @@ def test_workers_that_cannot_serve_are_refused(tmp_path, folder, monkeypatch, wo
         """What the worker has, which shares this process, and in the thread that asks another version."""
         return {"qclearn": "9.9"} if threading.current_thread() is asking else there(*names)
 
-    asking, there = threading.current_thread(), connection.versions_of
-    monkeypatch.setattr(connection, "versions_of", of_this_thread)
-    monkeypatch.setattr(connection, "PATIENCE", 20 if workers else 2)
-    with cluster_inside(workers, threads) as cluster, pytest.raises(WorkersError, match=words):
+    asking, there = threading.current_thread(), engine.versions_of
+    monkeypatch.setattr(engine, "versions_of", of_this_thread)
+    monkeypatch.setattr(engine, "PATIENCE", 20 if workers else 2)
+    with cluster_inside(workers, threads) as cluster, pytest.raises(BenchmarkError, match=words):
         small(tmp_path / "r.json", folder, [Run("mine", "shrunk")], scheduler=cluster.scheduler_address)
 
 
@@ -206,8 +236,8 @@ def test_a_folder_for_subjects_that_cannot_be_written_is_refused(tmp_path):
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nowhere", "tcp://127.0.0.1:http"])
 def test_an_unreachable_scheduler_is_named(tmp_path, folder, monkeypatch, address):
-    monkeypatch.setattr(connection, "PATIENCE", 1)
-    with pytest.raises(WorkersError, match=f"{address}: no dask scheduler answers there"):
+    monkeypatch.setattr(engine, "PATIENCE", 1)
+    with pytest.raises(BenchmarkError, match=f"{address}: no dask scheduler answers there"):
         small(tmp_path / "r.json", folder, [Run("mine", "shrunk")], scheduler=address)
 
 

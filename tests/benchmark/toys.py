@@ -11,16 +11,7 @@ def shrunk(problem, shift=0.0):
     return mobius(mobius(problem.disk.z, *problem.mobius), shift)
 
 
-def broken(problem):
-    raise RuntimeError("no such luck")
-
-
-def pair_of(spec):
-    """A pair that costs nothing: the seed of its moving side."""
-    return spec.seeds[0]
-
-
-def trial_of(row, pair, run, method):
+def trial_of(row, pair, run, *_):
     """A trial that costs a tenth of a second: a row, with an error that tells which pair and run it
     is of."""
     time.sleep(0.1)
