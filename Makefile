@@ -53,11 +53,13 @@ test-unit: $(INSTALLED)
 test-site: $(INSTALLED)
 	$(BIN)/python -m book.builder.build_book --jobs $(JOBS)
 	$(BIN)/python -m book.builder.lab_copies --jobs $(JOBS)
-	$(PYTEST) -n $(JOBS) --dist loadgroup -rs tests/book tests/site
+	$(PYTEST) -n $(JOBS) --dist loadgroup -rs -m "not slow" tests/book tests/site
 
-# What measures again: weekly, and before a release.
+# What measures again, and axe-core on every page, wide and narrow, by day and in the dark: weekly, and before a release.
 test-slow: $(INSTALLED)
 	$(PYTEST) -n $(JOBS) -m slow --ignore=tests/site tests
+	$(BIN)/python -m book.builder.build_book --jobs $(JOBS)
+	REQUIRE_CHROMIUM=1 $(PYTEST) -n $(JOBS) --dist loadgroup -m slow tests/site
 
 lab-copies: $(INSTALLED)
 	$(BIN)/python -m book.builder.lab_copies --jobs $(JOBS)

@@ -8,7 +8,7 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from types import SimpleNamespace
 
 import pytest
-from explorables import LISTEN, PRELUDE
+from explorables import LISTEN
 from laboratory import Notebook, Reader, jupyterlab
 from places import COPIES, FLAGS, ROOT, SITE, chromium_path
 from playwright.sync_api import sync_playwright
@@ -73,7 +73,7 @@ def reader(browser, lab):
 
 @pytest.fixture(scope="session")
 def notebook(browser, lab):
-    """A notebook for all explorables in JupyterLab: one page and one kernel."""
-    notebook = Notebook(browser, lab, "explorables", PRELUDE, LISTEN)
+    """A notebook for all widgets in JupyterLab: one page and one kernel."""
+    notebook = Notebook(browser, lab, "widgets", "import json\nfrom qcbook import *", LISTEN)
     yield notebook
     notebook.page.close()

@@ -1,17 +1,7 @@
-"""An explorable in a tab, on the site or in JupyterLab, and the tests that every explorable passes
-in each of the two.
-
-A subclass of `OnTheSite` or of `InJupyterLab` names an explorable and adds tests of its own; all of
-them work in the one tab, which hears at the end whether anything complained. What all explorables
-share (undo, links, downloads, ...) is tested once, in test_live_mobius.py.
-"""
+"""An explorable in a tab, on the site or in JupyterLab: its controls, pictures and read-outs."""
 
 import json
 import re
-
-import pytest
-from places import SITE
-from view import NARROW, WIDE, View, axe_findings
 
 # The number of the answer that each explorable shows, and whether it is the newest, kept where a
 # test can wait for it.
@@ -25,7 +15,6 @@ DROP = """() => { window.dropped = new Promise(done => addEventListener('pointer
   window.answered = {};
   done();
 }, {capture: true, once: true})); }"""
-KERNEL = re.compile("The kernel's|The kernel has no answer")
 # Until the read-outs are whole: of some answers a part comes later.
 ANSWERED = """([name, before]) => window.answered[name]?.newest && window.answered[name].number > before
   && document.querySelector(`.qc-live[data-page=${name}] [role=status]`).ariaBusy !== 'true'"""
@@ -41,18 +30,18 @@ DRAG = """(canvas, points) => {
   });
 }"""
 
-# The first cell of the notebook that has all explorables.
-PRELUDE = "import json\nfrom qcbook import *"
-
 
 class Explorable:
     """An explorable in a tab: its controls, pictures and read-outs."""
 
-    def __init__(self, tab, name):
+    def __init__(self, tab, name, ready=""):
+        """ready: words of the read-outs to wait for."""
         self.tab, self.page, self.name = tab, tab.page, name
         self.root = self.page.locator(f".qc-live[data-page={name}]")
         self.page.wait_for_selector(f".qc-live[data-page={name}][data-ready]", timeout=60_000)
         self.root.locator("details").evaluate_all("all => all.forEach(one => { one.open = true; })")
+        place = f":is([role=status], .qc-live-numbers):has-text({json.dumps(ready)})"
+        self.root.locator(place).first.wait_for(timeout=60_000)
 
     @property
     def said(self):
@@ -63,16 +52,6 @@ class Explorable:
         """The read-outs, without the clock's; some have a sentence, and their numbers are folded."""
         numbers = self.root.locator(".qc-live-numbers").all_inner_texts()
         return re.sub(r"[\d.]+ ms", "", " ".join([self.said, *numbers]))
-
-    def number(self, pattern):
-        """The number that the read-outs have behind some words."""
-        found = re.search(pattern + r" (-?[\d.]+(?:e[+-]?\d+)?)", self.words)
-        assert found, self.words
-        return float(found[1].rstrip("."))
-
-    def wait_for(self, words):
-        place = f":is([role=status], .qc-live-numbers):has-text({json.dumps(words)})"
-        self.root.locator(place).wait_for(timeout=60_000)
 
     def pictures(self):
         return self.root.locator("canvas").evaluate_all("all => all.map(canvas => canvas.toDataURL())")
@@ -183,90 +162,3 @@ class Explorable:
                 on, before = switch.is_checked(), self.seen()
                 act()
                 assert switch.is_checked() != on and self.seen() != before
-
-
-class OnTheSite:
-    """A subclass says: page (of the site), name, and slider, the words of one that changes what is
-    guessed; if need be silent (labels of sliders that change pictures alone) and ready (words of
-    the read-outs to wait for)."""
-
-    silent, ready = (), ""
-
-    def __init_subclass__(cls):
-        cls.pytestmark = [pytest.mark.xdist_group(cls.page)]
-
-    @pytest.fixture(scope="class")
-    @classmethod
-    def shown(cls, window, site_address):
-        page, name = cls.page, cls.name
-        file = SITE / page
-        if not file.exists() or f'data-page="{name}"' not in file.read_text(encoding="utf-8"):
-            pytest.fail(f"{page} has no explorable {name!r}: build the site with `make book` first")
-        view = View(window, site_address, page, script=LISTEN)
-        shown = Explorable(view, name)
-        shown.wait_for(cls.ready)
-        yield shown
-        view.page.close()
-        if found := [*view.complaints, *view.from_elsewhere()]:
-            pytest.fail(f"{page} complains: {found}")
-
-    def get_ready_for_choices(self, shown):
-        """What makes each choice change the picture, where the start does not."""
-
-    def test_each_control_moves_it_and_has_a_name(self, shown):
-        shown.moves_each_slider(shown.by_key, self.silent)
-        self.get_ready_for_choices(shown)
-        shown.takes_each_choice()
-        shown.turns_each_switch()
-        shown.tab.resize(NARROW)
-        assert axe_findings(shown.page, shown.root) == []
-        assert shown.page.evaluate("() => document.documentElement.scrollWidth <= innerWidth")
-        shown.tab.resize(WIDE)
-
-    def test_its_main_picture_comes_first_and_large_and_in_focus(self, shown):
-        canvas, control = (shown.root.locator("canvas").first, shown.root.locator("input, select").first)
-        main = canvas.bounding_box()
-        assert main["width"] >= 360 and main["y"] < control.bounding_box()["y"]
-        assert canvas.evaluate("e => e.width / e.clientWidth") >= 1
-        assert all(box["width"] >= 150 for box in map(type(canvas).bounding_box, shown.root.locator("canvas").all()))
-
-    def test_pictures_are_described_and_the_guess_is_answered(self, shown):
-        labels = shown.root.locator("canvas").evaluate_all("all => all.map(canvas => canvas.ariaLabel)")
-        assert labels and all(shown.said in label for label in labels)
-        text = (SITE / self.page).read_text(encoding="utf-8")
-        (alt,) = re.findall(f'data-page="{self.name}"><img alt="([^"]*)"', text)
-        assert len(alt) > 40
-        assert "it is" in shown.guess()
-
-
-class InJupyterLab:
-    """A subclass says: name, live (an expression), and sets, {name: value} that Python sets; if
-    need be ready and silent, as above, gap, the most that the kernel's answer may differ, and
-    before, code that `live` needs."""
-
-    silent, ready, gap, before = (), "", 1e-9, ""
-    pytestmark = pytest.mark.xdist_group("JupyterLab")
-
-    @pytest.fixture(scope="class")
-    @classmethod
-    def shown(cls, notebook):
-        name, live = cls.name, cls.live
-        notebook.add(f"{cls.before}\n{name} = explorable({live})\n{name}")
-        shown = Explorable(notebook, name)
-        shown.wait_for(cls.ready)
-        yield shown
-        assert notebook.complaints == [] and notebook.from_elsewhere() == []
-
-    def test_what_python_sets_is_drawn(self, shown):
-        shown.reset()
-        before = shown.seen()
-        for name, value in self.sets.items():
-            shown.after(lambda name=name, value=value: shown.tab.run(f"{self.name}.set({name}={value!r})"))
-        assert shown.words != before[0] and shown.pictures() != before[1]
-
-    def test_the_kernel_finds_the_same(self, shown):
-        shown.reset()
-        shown.root.get_by_role("button", name="Ask the kernel").click()
-        shown.root.locator("[role=status]", has_text=KERNEL).wait_for(timeout=60_000)
-        assert "The kernel's" in shown.said, shown.said
-        assert float(re.findall(r"\d\.?\d*e[+-]\d+|0", shown.said)[-1]) <= self.gap

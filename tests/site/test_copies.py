@@ -74,7 +74,6 @@ def test_a_copy_counts_as_the_site_does(page):
     assert Counter(a or b for a, b in NUMBER.findall(text)) == Counter(on_the_site)
 
 
-@pytest.mark.parametrize("text", ["about {eval}`n` faces", ":::{figure}", "```{exercise}", "(fig-x)=", "[a](#fig-x)"])
-def test_a_fault_is_found(text):
-    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell(f"first\n{text}\nlast")])
+def test_a_link_that_leads_nowhere_is_found():
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell("first\n[a](#fig-x)\nlast")])
     assert list(faults(notebook, COPIES))

@@ -8,12 +8,12 @@ from urllib.parse import unquote, urldefrag
 
 import pytest
 from places import SITE
-from view import HANDLES, NARROW, PAGES, WIDGETS, View, axe_findings
+from view import HANDLES, NARROW, PAGES, WIDE, WIDGETS, View, axe_findings
 
 LIVE = ".jupyter-widgets :is(button, input, select, textarea):not(:disabled)"
 # Colours fade over: what they end in is drawn once each animation is over.
-DARKEN = """async () => {
-    document.documentElement.dataset.theme = "dark";
+THEME = """async (theme) => {
+    document.documentElement.dataset.theme = theme;
     await new Promise(requestAnimationFrame);
     const fades = document.getAnimations().filter((fade) => fade.effect.getComputedTiming().endTime < Infinity);
     await Promise.allSettled(fades.map((fade) => fade.finished));
@@ -21,8 +21,6 @@ DARKEN = """async () => {
 }"""
 SCREENS = 30  # of 1280 x 900, with what is folded closed: an hour's reading
 SCENE = "iframe.scene:not([hidden])"
-# Rules whose outcome can differ in a narrow window and in the dark.
-NARROW_AND_DARK = ["color-contrast", "scrollable-region-focusable", "button-name", "link-name"]
 
 
 # xdist keeps a page's tests on one worker by the group's name.
@@ -157,9 +155,13 @@ def test_nothing_is_cut_off_in_a_narrow_window(narrow):
     assert narrow.layout_faults() == []
 
 
-def test_everybody_can_read_a_narrow_window_in_the_dark(narrow):
-    narrow.page.evaluate(DARKEN)
-    assert narrow.axe_findings(runOnly=NARROW_AND_DARK) == []
+@pytest.mark.slow
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("width", [WIDE, NARROW])
+def test_everybody_can_read_either_window_by_day_and_in_the_dark(view, width, theme):
+    view.resize(width)
+    view.page.evaluate(THEME, theme)
+    assert view.axe_findings() == []
 
 
 def test_nothing_comes_from_elsewhere(narrow):

@@ -23,6 +23,10 @@ AXE = Path(__file__).with_name("axe.js").read_text(encoding="utf-8")
 TYPESET = "() => MathJax.startup.promise.then(() => document.fonts.ready).then(() => null)"
 PLANT = """html => (document.querySelector("article section") ?? document.querySelector("article"))
     .insertAdjacentHTML("beforeend", `<div id="planted">${html}</div>`)"""
+NO_WEBGL = """const get = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function(kind, ...more) {
+  return kind === 'webgl' ? null : get.call(this, kind, ...more);
+};"""
 DRAWN = "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(null))))"
 
 

@@ -1,12 +1,63 @@
-"""Landmarks clicked in JupyterLab, by mouse and by keys, named, taken back and saved."""
+"""Widgets in a real JupyterLab: an explorable that Python reads and sets, the live page's first
+cell, and landmarks clicked by mouse and by keys."""
 
 import json
 import re
 
+import nbformat
+import numpy as np
 import pytest
+from explorables import Explorable
+from laboratory import RUN_ALL
 from view import axe_findings
 
 pytestmark = pytest.mark.xdist_group("JupyterLab")
+
+
+def test_an_explorable_is_moved_by_hand_and_by_python_and_asks_the_kernel(notebook):
+    notebook.add("mobius = explorable(Mobius())\nmobius")
+    shown = Explorable(notebook, "mobius")
+    words, pictures = shown.seen()
+    shown.after(lambda: notebook.run("mobius.set(size=0.7, direction=90.0)"))
+    assert shown.words != words and shown.pictures() != pictures
+    shown.click("Undo")
+    assert shown.words == words
+    start = 0.4 * np.exp(1j * np.radians(30))
+    shown.drag(shown.root.locator("canvas").first, (start.real, start.imag), (0.2, 0.2), (-0.5, 0.0))
+    notebook.until("abs(mobius.live.parameters(mobius.state)[0] + 0.5) < 1e-3")
+    shown.press(shown.root.get_by_role("slider").first, "End")
+    notebook.until(f"json.loads(json.dumps(mobius.state)) == {shown.data()['state']!r}")
+    assert "it is" in shown.guess()
+    shown.root.get_by_role("button", name="Ask the kernel").click()
+    shown.root.locator('[role=status]:has-text("The kernel\'s")').wait_for(timeout=60_000)
+    assert float(re.findall(r"\d\.?\d*e[+-]\d+|0", shown.said)[-1]) < 1e-12
+    assert axe_findings(shown.page, shown.root) == []
+    assert notebook.complaints == [] and notebook.from_elsewhere() == []
+
+
+LIVE = ".jp-NotebookPanel:not(.lm-mod-hidden) .qc-live[data-page=tuner][data-ready]"
+
+
+def test_the_first_cell_of_the_live_page_alone_brings_the_sliders(reader, lab):
+    notebook = nbformat.read(lab.root / "sources" / "live.ipynb", as_version=4)
+    notebook.cells = [next(cell for cell in notebook.cells if cell.cell_type == "code")]
+    nbformat.write(notebook, lab.root / "planted" / "tuner.ipynb")
+    page = reader.page
+    reader.open("planted/tuner.ipynb")
+    page.evaluate(RUN_ALL)
+    page.wait_for_selector(LIVE, timeout=120_000)
+    before = page.locator(f"{LIVE} [role=status]").inner_text()
+    assert "mm off" in before
+    page.locator(LIVE).get_by_role("slider", name="gamma").focus()
+    page.keyboard.press("ArrowRight")
+    page.wait_for_function(
+        "([place, before]) => document.querySelector(place).textContent !== before",
+        arg=[f"{LIVE} [role=status]", before],
+        timeout=30_000,
+    )
+    reader.close()
+
+
 MAKE = (
     "from qclearn import fsaverage5\nfrom qcbook import LandmarkPicker\n"
     "sides = [fsaverage5(side, wall='thickness') for side in ('right', 'left')]\n"

@@ -1,0 +1,372 @@
+"""Explorables on their pages: each opens, answers every control and a pointer, and can be read by
+everybody; what all share is tested once, and what the tuner says where something is missing."""
+
+import base64
+import json
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from urllib.parse import quote, unquote
+
+import numpy as np
+import pytest
+from explorables import LISTEN, Explorable
+from places import SITE
+from view import NARROW, NO_WEBGL, WIDE, View, axe_findings
+
+from qcbook import Mobius, Sulci
+from qcbook.examples import cortices
+from qcbook.explore_landmarks import Landmarks
+from qcbook.liveproblems import as_moved, example
+from qclearn.surfaces.curvature import area_radius
+
+
+@dataclass(frozen=True)
+class Row:
+    """The page of an explorable; where something is dragged from, by how far, and where it is then in
+    the state, or None where dragging turns a surface; labels of sliders that change pictures alone;
+    choices to begin with, and words to wait for."""
+
+    page: str
+    start: Callable
+    by: complex
+    place: Callable | None
+    silent: tuple = ()
+    chosen: tuple = ()
+    ready: str = ""
+
+
+def pole(state):
+    return Mobius.parameters(Mobius.initial | state)[0]
+
+
+def in_picture(vertex):
+    """Where a vertex is in the picture of the sulci's ends."""
+    side = cortices("first").moving
+    return area_radius(side.surface, side.disk.z).to_image(side.disk.z[vertex])
+
+
+VIEWS = ("turn of the surface in degrees", "tilt of the surface in degrees", "zoom", "unfolded, 0 to 1")
+ROWS = {
+    "mobius": Row("conformal.html", lambda: pole({}), -0.8, pole),
+    "boundary": Row("certificate.html", lambda: 0.5 + 0.6j, -0.2 - 0.2j, lambda state: complex(*state["pole"])),
+    "growth": Row("cortex.html", lambda: 0.3, -0.6 + 0.1j, None),
+    "howsure": Row("howsure.html", lambda: 0.35 - 0.55j, 0.34 + 0.55j, lambda state: complex(*state["places"][5])),
+    "landmarks": Row(
+        "ldnet.html",
+        lambda: in_picture(Landmarks().ends(dict(Landmarks.initial))[1]),
+        0.1 + 0.05j,
+        lambda state: in_picture(state["ends"]["1"]),
+    ),
+    "lbs": Row("lbs.html", lambda: 0.5 + 0.2j, 0.1 + 0.1j, lambda state: complex(*state["moves"]["0"])),
+    "mu": Row(
+        "quasiconformal.html",
+        lambda: -0.4 + 0.3j,
+        0.2,
+        lambda state: complex(*state["strokes"][-1][:2]),
+        silent=("radius of the brush",),
+        chosen=("pattern of mu", "blank"),
+    ),
+    "sulci": Row("weights.html", lambda: 0.3, -0.6 + 0.1j, None, silent=VIEWS),
+    "tuner": Row(
+        "live.html",
+        lambda: example("twist").problem.target[4],
+        0.1,
+        lambda state: complex(*state["targets"]["4"]),
+        chosen=("problem", "twist"),
+        ready="CP-Net: landmark error",
+    ),
+}
+# Sets a slider as a hand does that lets it go.
+TO = "(e, value) => { e.value = value; e.dispatchEvent(new Event('change')); }"
+
+
+def opened(window, address, name, **more):
+    """An explorable on its page; what the page complains of is a failure."""
+    row = ROWS[name]
+    file = SITE / row.page
+    if not file.exists() or f'data-page="{name}"' not in file.read_text(encoding="utf-8"):
+        pytest.fail(f"{row.page} has no explorable {name!r}: build the site with `make book` first")
+    view = View(window, address, row.page, script=LISTEN, **more)
+    yield Explorable(view, name, row.ready)
+    view.page.close()
+    if found := [*view.complaints, *view.from_elsewhere()]:
+        pytest.fail(f"{row.page} complains: {found}")
+
+
+@pytest.fixture(
+    scope="module", params=[pytest.param(name, marks=pytest.mark.xdist_group(row.page)) for name, row in ROWS.items()]
+)
+def shown(request, window, site_address):
+    yield from opened(window, site_address, request.param)
+
+
+def test_each_control_moves_it_and_has_a_name(shown):
+    shown.moves_each_slider(shown.by_key, ROWS[shown.name].silent)
+    if shown.name == "tuner":  # at the start, unfitted, one refinement of CP-Net's does no more than two
+        shown.after(lambda: shown.slider("gamma").evaluate(TO, 3))
+    shown.takes_each_choice()
+    shown.turns_each_switch()
+    shown.tab.resize(NARROW)
+    assert axe_findings(shown.page, shown.root) == []
+    assert shown.page.evaluate("() => document.documentElement.scrollWidth <= innerWidth")
+    shown.tab.resize(WIDE)
+
+
+def test_it_is_dragged_and_moved_by_keys(shown):
+    row, canvas = ROWS[shown.name], shown.root.locator("canvas").first
+    shown.reset()
+    if row.chosen:
+        shown.choose(*row.chosen)
+    pictures, start, end = shown.pictures(), row.start(), row.start() + row.by
+    shown.drag_with_the_mouse(canvas, (start.real, start.imag), (end.real, end.imag))
+    state = shown.state()
+    if row.place:
+        assert abs(row.place(state) - end) < 0.03
+    else:
+        assert state["turn"] > 10 and state["tilt"] != 10
+    assert shown.pictures() != pictures
+    shown.press(canvas, "Shift+ArrowLeft")
+    assert shown.state() != state
+
+
+def test_its_main_picture_comes_first_and_large_and_in_focus(shown):
+    canvas, control = (shown.root.locator("canvas").first, shown.root.locator("input, select").first)
+    main = canvas.bounding_box()
+    assert main["width"] >= 360 and main["y"] < control.bounding_box()["y"]
+    assert canvas.evaluate("e => e.width / e.clientWidth") >= 1
+    assert all(box["width"] >= 150 for box in map(type(canvas).bounding_box, shown.root.locator("canvas").all()))
+
+
+def test_pictures_are_described_and_the_guess_is_answered(shown):
+    labels = shown.root.locator("canvas").evaluate_all("all => all.map(canvas => canvas.ariaLabel)")
+    assert labels and all(shown.said in label for label in labels)
+    text = (SITE / ROWS[shown.name].page).read_text(encoding="utf-8")
+    (alt,) = re.findall(f'data-page="{shown.name}"><img alt="([^"]*)"', text)
+    assert len(alt) > 40
+    assert "it is" in shown.guess()
+
+
+# What all explorables share.
+
+
+@pytest.fixture(scope="module")
+def mobius(window, site_address):
+    yield from opened(window, site_address, "mobius")
+
+
+def test_the_mouse_moves_each_slider(mobius):
+    mobius.moves_each_slider(mobius.by_mouse)
+
+
+def test_a_key_moves_a_point_by_a_tenth(mobius):
+    mobius.reset()
+    mobius.press(mobius.root.locator("canvas").first, "Shift+ArrowUp")
+    assert abs(pole(mobius.state()) - pole({}) - 0.1j) < 1e-3
+
+
+def test_undo_a_link_and_reset_go_back_and_the_guess_is_of_the_present_state(mobius):
+    mobius.reset()
+    start, first = mobius.words, mobius.guess()
+    mobius.press(mobius.slider("distance of the pole"), "End")
+    state, words = mobius.state(), mobius.words
+    assert state and words != start and mobius.guess() != first
+    mobius.root.get_by_role("button", name="Link to this state").click()
+    mobius.root.locator("[role=status]:has-text('#live-')").wait_for()
+    link = re.search(r"http\S+#live-\S+", mobius.said)[0]
+    mobius.click("Undo")
+    assert mobius.state() == {} and mobius.words == start
+    mobius.after(lambda: mobius.page.evaluate("link => { location.href = link; }", link))
+    assert (mobius.state(), mobius.words) == (state, words)
+    mobius.reset()
+    assert mobius.state() == {} and mobius.words == start
+
+
+def test_downloads_hold_the_state(mobius):
+    data = mobius.data()
+    assert data["page"] == mobius.name and data["state"] and data["answer"]
+    assert mobius.download("Picture").path().read_bytes()[:4] == b"\x89PNG"
+
+
+def test_without_scripts_a_picture_and_a_message_stand_there(silent_window, site_address):
+    page = silent_window.new_page()
+    page.goto(site_address + ROWS["mobius"].page)
+    root = page.locator(".qc-live[data-page=mobius]")
+    assert root.locator("img[alt]").count() == 1 and "JavaScript" in root.locator("[role=status]").inner_text()
+    page.close()
+
+
+def test_a_page_that_is_opened_by_a_link_starts_there(window, site_address):
+    view = View(window, site_address, f"conformal.html#live-mobius={json.dumps({'size': 0.7})}", script=LISTEN)
+    assert Explorable(view, "mobius").slider("distance of the pole").input_value() == "0.7"
+    view.page.close()
+
+
+# What only some of them have, and what node is not asked.
+
+
+@pytest.fixture
+def named(request, window, site_address):
+    yield from opened(window, site_address, request.param)
+
+
+@pytest.mark.parametrize("named", ["growth"], indirect=True)
+def test_areas_are_those_of_the_frames_on_the_page(named):
+    text = (SITE / ROWS["growth"].page).read_text(encoding="utf-8")
+    data = base64.b64decode(re.search(r'<script type="text/plain" data-file="growth.bin">([^<]*)</script>', text)[1])
+    (length,) = np.frombuffer(data[:4], "<u4")
+    ((_, shape, _), (_, faces, _)) = json.loads(data[4 : 4 + length])["arrays"]
+    count, start = int(np.prod(shape)), 4 + length
+    positions = np.frombuffer(data[start : start + 2 * count], np.float16).astype(float).reshape(shape)
+    faces = np.frombuffer(data[start + 2 * count :], np.float32).astype(int).reshape(faces)
+    a, b, c = np.moveaxis(positions[:, faces], 2, 0)
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=-1).sum(-1) / 2
+    named.press(named.slider("frame"), "End")
+    assert named.data()["answer"]["area"] == pytest.approx(areas[-1] / areas[0], rel=1e-9)
+
+
+@pytest.mark.parametrize("named", ["sulci"], indirect=True)
+def test_millimetres_are_the_librarys(named):
+    named.press(named.slider("beta"), "ArrowRight")
+    data = named.data()
+    problem = as_moved(example(data["state"]["problem"]).problem, data["state"], Sulci.mesh)
+    off = Sulci.distances(data["state"], problem, np.array(data["answer"]["map"]).view(complex))
+    assert data["answer"]["mm"] == pytest.approx(off.mean(), abs=0.02)
+    worst = [off[problem.curve == label].mean() for label in np.unique(problem.curve)]
+    assert f"Worst is the {cortices('cortex').names[int(np.argmax(worst))]}" in named.words
+
+
+@pytest.mark.parametrize("named", ["landmarks"], indirect=True)
+def test_ends_that_meet_are_refused(named):
+    start, _ = Landmarks().ends(dict(Landmarks.initial))
+    picture, link = (named.pictures(), "#live-landmarks=" + quote(json.dumps({"ends": {"1": start}})))
+    named.after(lambda: named.page.evaluate("link => { location.href = link; }", link))
+    assert "both ends are at the same place" in named.said and named.pictures() == picture
+
+
+@pytest.mark.parametrize(
+    "named, control, words, there",
+    [
+        ("landmarks", "weight of the depth", "to the tuner", "live.html#live-tuner="),
+        ("sulci", "beta", "Take this to the tuner", "live.html#live-tuner="),
+        ("tuner", "beta", "See it on the surface", "weights.html#live-sulci="),
+    ],
+    indirect=["named"],
+)
+def test_one_hands_its_state_to_another(named, control, words, there):
+    named.press(named.slider(control), "ArrowRight")
+    link = unquote(named.root.get_by_role("link", name=words).get_attribute("href"))
+    assert link.startswith(there)
+    state = json.loads(link.removeprefix(there))
+    if control == "beta":
+        assert state["beta"] == named.state()["beta"]
+    else:
+        assert state["problem"] == "first" and len(state["starts"]) == 5
+
+
+def test_without_webgl_it_says_so_and_the_picture_stays(window, site_address):
+    page = window.new_page()
+    page.add_init_script(NO_WEBGL)
+    page.goto(site_address + ROWS["sulci"].page)
+    root = page.locator(".qc-live[data-page=sulci]")
+    root.locator("[role=status]:has-text('no WebGL')").wait_for(timeout=60_000)
+    assert root.locator("img[alt]").count() == 1
+    page.close()
+
+
+# The tuner: quick moves, answers that come in parts, and what is missing.
+
+MANY = """e => { for (let k = 0; k < 50; k++) {
+    e.value = 2 + k / 20;
+    e.dispatchEvent(new Event(k < 49 ? 'input' : 'change'));
+} }"""
+HEAR = """() => addEventListener('qc-live-answer', event => {
+    window.heard = event.target.querySelector('.qc-live-numbers').textContent;
+}, {once: true})"""
+TUNER = ".qc-live[data-page=tuner]"
+
+
+@pytest.fixture(scope="module")
+def tuner(window, site_address):
+    yield from opened(window, site_address, "tuner")
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (390, 844)])
+def test_picture_sliders_and_sentence_are_on_the_first_screen(tuner, size):
+    tuner.reset()
+    assert tuner.said.startswith("Sulci ") and " mm off, distortion " in tuner.said and "no folds" in tuner.said
+    tuner.page.set_viewport_size(dict(zip(("width", "height"), size)))
+    parts = [tuner.root.locator("canvas").first, tuner.root.locator(".qc-live-status")]
+    parts += [tuner.slider(name) for name in ("alpha", "beta", "gamma")]
+    tuner.page.evaluate("scrollTo(0, 0)")
+    lowest = max(box["y"] + box["height"] for box in (part.bounding_box() for part in parts))
+    tuner.tab.resize(WIDE)
+    assert lowest <= size[1]
+
+
+def test_fifty_quick_moves_end_in_the_state_of_the_last(tuner):
+    tuner.reset()
+    slider = tuner.slider("gamma")
+    tuner.after(lambda: slider.evaluate(MANY))
+    many, last = tuner.words, slider.input_value()
+    tuner.reset()
+    assert tuner.words != many
+    tuner.after(lambda: slider.evaluate(TO, last))
+    assert tuner.words == many
+
+
+def test_the_fit_is_shown_before_the_other_maps_are_there(tuner):
+    tuner.reset()
+    tuner.page.evaluate(HEAR)
+    tuner.press(tuner.slider("gamma"), "ArrowRight")
+    first = tuner.page.evaluate("window.heard")
+    assert "reference fit: landmark error" in first and "CP-Net: still computing" in first
+    assert "CP-Net: landmark error" in tuner.words
+
+
+MET = {"problem": "neighbours", "targets": {"0": [0.25, 0.08], "1": [0.25, 0.08]}}
+THE_FIT = "reference fit: landmark error"
+NO_NETWORK = "the network is not used where γ is 1,000,000 times β or more"
+
+
+@pytest.mark.parametrize(
+    "missing, state, says, also",
+    [
+        (None, MET, "coincide", "target landmarks 0 and 1 coincide at 0.25+0.08j"),
+        (None, {"gamma": 1e5}, "CP-Net: no map", NO_NETWORK),
+        ("cpnet.bin", None, "CP-Net: no map", THE_FIT),
+        ("layers.wasm", None, "CP-Net: no map", "layers.wasm"),
+        *((name, None, "cannot compute here", name) for name in ("problems.json", "worker.js", "kernels.wasm")),
+    ],
+)
+def test_what_is_missing_or_refused_is_said(window, site_address, missing, state, says, also):
+    page = window.new_page()
+    if missing:
+        page.route(f"**/_static/live/{missing}", lambda route: route.abort())
+    page.goto(f"{site_address}live.html" + (f"#live-tuner={json.dumps(state)}" if state else ""))
+    words = page.locator(f"{TUNER} :is([role=status], .qc-live-numbers):has-text('{says}')")
+    words.wait_for(state="attached", timeout=60_000)
+    assert also in words.text_content()
+    if says == "cannot compute here":
+        assert page.locator(TUNER).locator("img, canvas").count() == 1  # the picture stays
+    page.close()
+
+
+def test_a_map_that_fails_after_the_fit_says_why(window, site_address):
+    page, planted = (window.new_page(), (SITE / "_static" / "live" / "solvers.js").read_text(encoding="utf-8"))
+    planted = planted.replace("const harmonic = springs(mesh, request);", "throw new Error('a planted fault');")
+    page.route("**/_static/live/solvers.js", lambda route: route.fulfill(body=planted, content_type="text/javascript"))
+    page.goto(f"{site_address}live.html")
+    numbers = page.locator(f"{TUNER} .qc-live-numbers:has-text('harmonic map: no map, a planted fault')")
+    numbers.wait_for(state="attached", timeout=60_000)
+    assert THE_FIT in numbers.text_content() and "still computing" not in numbers.text_content()
+    assert page.locator(f"{TUNER} [role=status]").get_attribute("aria-busy") == "false"
+    page.close()
+
+
+def test_opened_as_a_file_it_says_why_and_shows_the_picture(window):
+    page = window.new_page()
+    page.goto((SITE / "live.html").as_uri())
+    assert "opened as a file" in page.locator(f"{TUNER} [role=status]").inner_text()
+    assert page.locator(f"{TUNER} img[alt]").count() == 1
+    page.close()
