@@ -1,6 +1,6 @@
 """A cohort of synthetic hemispheres, made once and stored in the user's cache folder."""
 
-import hashlib
+import os
 import tempfile
 import warnings
 from concurrent.futures import ThreadPoolExecutor
@@ -10,7 +10,6 @@ from platformdirs import user_cache_path
 from tqdm import tqdm
 
 from qclearn.io.checkpoint import require_home
-from qclearn.io.safe import write_whole
 
 from .cortex import CortexError, make_cortex, require_generation
 from .generations import GENERATION
@@ -40,10 +39,10 @@ def hemispheres(
 ):
     """The left hemispheres of `seeds`, a list of Cortex, from files made where missing.
 
-    Files lie in `folder` (default: `default_folder()`), each with its SHA-256 beside it; one that
-    does not match is made again with a CohortWarning, and an interrupted run continues where it
-    stopped. `workers` run at the same time, a hemisphere of 10,000 vertices takes one about ten
-    seconds. CortexError for an unwritable folder, and for a file of another generation among them.
+    Files lie in `folder` (default: `default_folder()`); a damaged one is made again with a
+    CohortWarning, and an interrupted run continues where it stopped. `workers` run at the same
+    time, a hemisphere of 10,000 vertices takes one about ten seconds. CortexError for an unwritable
+    folder, and for a file of another generation among them.
     """
     if not isinstance(workers, int) or workers < 1:
         raise CortexError(f"workers is {workers!r}; give a whole number from 1.")
@@ -65,18 +64,18 @@ def hemispheres(
 
 
 def default_folder():
-    """The default folder of the cohort: the user's cache folder of this platform."""
-    return require_home(user_cache_path("qclearn") / "cohort")
+    """The default folder of the cohort: QCLEARN_SUBJECTS, or the user's cache folder."""
+    named = os.environ.get("QCLEARN_SUBJECTS")
+    return Path(named) if named else require_home(user_cache_path("qclearn") / "cohort")
 
 
-def subject_path(folder, seed, n_vertices, generation=GENERATION):
+def subject_path(folder, seed, n_vertices, generation=GENERATION, hemisphere="left"):
     """The file of one subject of the cohort."""
-    return Path(folder) / f"generation-{generation}" / f"left-{n_vertices}-{seed}.npz"
+    return Path(folder) / f"generation-{generation}" / f"{hemisphere}-{n_vertices}-{seed}.npz"
 
 
 def _make(seed, n_vertices, path, generation):
     save_cortex(path, make_cortex(seed, n_vertices, generation=generation))
-    write_whole(_checksum_path(path), lambda place: place.write_text(_digest(path)))
 
 
 def _of_generation(generation, path, subject):
@@ -88,27 +87,16 @@ def _of_generation(generation, path, subject):
     return subject
 
 
-def _checksum_path(path):
-    return path.with_name(path.name + ".sha256")
-
-
-def _digest(path):
-    return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
 def _is_whole(path):
-    """Whether the file is there and matches its checksum; warns where it is there and does not."""
+    """Whether the file is there and can be read; warns where it is there and cannot."""
     if not path.is_file():
         return False
-    checksum = _checksum_path(path)
-    if checksum.is_file() and checksum.read_bytes().decode(errors="replace").strip() == _digest(
-        path
-    ):
-        return True
-    warnings.warn(
-        f"{path} does not match its checksum; it is made again.", CohortWarning, stacklevel=3
-    )
-    return False
+    try:
+        load_cortex(path)
+    except CortexError as error:
+        warnings.warn(f"{error} It is made again now.", CohortWarning, stacklevel=3)
+        return False
+    return True
 
 
 def _require_writable(inner):

@@ -3,8 +3,6 @@ every run, and the library's public functions are held to the shapes that they a
 """
 
 import os
-import shutil
-import tempfile
 
 import pytest
 from hypothesis import settings
@@ -12,10 +10,11 @@ from hypothesis import settings
 import qclearn
 from qclearn.plane import Disk
 from shapes import hold, hold_class
-from subjects import SHARED
+from subjects import FOLDER
 
 os.environ.setdefault("PYVISTA_OFF_SCREEN", "true")
 os.environ.setdefault("MPLBACKEND", "agg")
+os.environ["QCLEARN_SUBJECTS"] = str(FOLDER)
 
 # Files that take longest, a half of the time of all unit tests between them, as of pytest
 # --durations.
@@ -33,18 +32,6 @@ settings.load_profile("qclearn")
 
 hold(qclearn)
 hold_class(Disk)  # what most of the public functions make of a mesh
-
-
-def pytest_configure(config):
-    """A folder for what all workers share; who starts them names it to them."""
-    if SHARED not in os.environ:
-        config.shared = os.environ[SHARED] = tempfile.mkdtemp(prefix="qclearn-tests-")
-
-
-def pytest_unconfigure(config):
-    if hasattr(config, "shared"):
-        shutil.rmtree(config.shared, ignore_errors=True)
-        del os.environ[SHARED]
 
 
 def pytest_collection_modifyitems(items):

@@ -1,21 +1,21 @@
-"""Synthetic hemispheres, each grown once for all tests of a run and kept in a folder that all
-workers share."""
+"""Synthetic hemispheres, each grown once for all tests and pages, in a folder that they share."""
 
 import fcntl
-import os
 from dataclasses import replace
-from pathlib import Path
 
+from book.builder.subjects import folder
 from data_synth import load_cortex, make_cortex, save_cortex
+from data_synth.cohort import subject_path
 from data_synth.generations import GENERATION
 
-SHARED = "QCLEARN_TESTED_SUBJECTS"  # the environment's name for the folder; conftest.py makes it
+FOLDER = folder()
 
 
 def grown(seed, n_vertices, hemisphere="left", generation=GENERATION):
     """`make_cortex`, grown by whoever asks first. Each call reads arrays of its own, so that a test
     may change them."""
-    path = Path(os.environ[SHARED], f"{generation}-{hemisphere}-{n_vertices}-{seed}.npz")
+    path = subject_path(FOLDER, seed, n_vertices, generation, hemisphere)
+    path.parent.mkdir(exist_ok=True)
     with path.with_suffix(".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not path.exists():

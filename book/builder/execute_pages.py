@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 
 import nbformat
 
-from . import expressions, graded, guards, solutions, teaching
+from . import expressions, graded, guards, solutions, subjects, teaching
 from .packages import installed_copy
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -114,6 +114,7 @@ def execute(paths, jobs):
         "JUPYTER_PREFER_ENV_PATH": "1",
         "PYTHONPATH": str(installed),
         "NUMBA_CACHE_DIR": str(BUILD / "numba"),  # not beside the code, which each build unpacks anew
+        "QCLEARN_SUBJECTS": str(subjects.folder()),
         "QCLEARN_PAGES": "static",  # explorables as elements for the site's script, not as widgets
     }
     found = subprocess.run(
