@@ -25,7 +25,7 @@ from qclearn.io.sphere import (
     whole_of,
 )
 from qclearn.plane.grids import polar_disk
-from qclearn.registration.metrics import distortion_maps
+from qclearn.registration.report import distortion_maps
 from qclearn.surfaces.conformal import apply_mobius, parameterize
 from test_cli import everything, refused, run
 from test_whole import BALL, made  # noqa: F401 (a fixture)

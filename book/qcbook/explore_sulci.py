@@ -13,8 +13,8 @@ from qclearn.plane.disk import Disk
 from qclearn.plane.grids import COARSE
 from qclearn.plot import map_curves
 from qclearn.registration.fit import fit_problem
-from qclearn.registration.metrics import measured_losses
 from qclearn.registration.register import register
+from qclearn.registration.report import measured_losses
 from qclearn.surfaces.conformal import ParameterizedSurface
 from qclearn.surfaces.curvature import grey_levels, mean_curvature
 from qclearn.surfaces.surface import Surface

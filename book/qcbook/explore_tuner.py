@@ -5,7 +5,7 @@ from types import MappingProxyType
 
 from qclearn.plane.grids import COARSE, FINE
 from qclearn.registration.fit import fit_problem
-from qclearn.registration.metrics import measured_losses
+from qclearn.registration.report import measured_losses
 
 from .fitstates import describe, fit_state, states_figure
 from .live import Live, as_pairs

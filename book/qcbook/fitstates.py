@@ -12,10 +12,10 @@ from qcbook.figures import FLIPPED_COLOUR, square_lines
 from qclearn.plot import CURVE_STYLES, disk_axes, disk_plot, lines_plot, map_curves
 from qclearn.registration.features import FINEST
 from qclearn.registration.fit import CheckedMap, exact_map, fit_problem, fit_registration
-from qclearn.registration.metrics import measured_losses
 from qclearn.registration.multiresolution import STALL_RATIO, guided, on_own_mesh
 from qclearn.registration.networks import gamma_messages, predicted
 from qclearn.registration.problem import LandmarkError, Weights
+from qclearn.registration.report import measured_losses
 from qclearn.registration.residuals import FeatureTerm
 
 from .cells import in_powers

@@ -19,8 +19,8 @@ from qclearn.plane.beltrami import solve_beltrami_disk
 from qclearn.plane.grids import POWER
 from qclearn.plane.mobius import mobius, mobius_inverse
 from qclearn.registration.fit import fit_problem
-from qclearn.registration.metrics import measured_losses
 from qclearn.registration.problem import Problem, Weights
+from qclearn.registration.report import measured_losses
 
 SIZE = (12, 36, POWER)  # rings, spokes and grading of the mesh on which a small CP-Net's coefficient is solved for
 INSIDE = 1e-4, 60  # tolerance and most steps of that solver

@@ -31,8 +31,8 @@ from qclearn.io.checkpoint import Checkpoint
 from qclearn.io.provenance import commit
 from qclearn.io.safe import write_whole
 from qclearn.registration.curves import curve_distance, curves_in_space, curves_of_both
-from qclearn.registration.metrics import quantile
 from qclearn.registration.problem import DELTA, ETA, Weights
+from qclearn.registration.report import quantile
 from qclearn.registration.uncertainty import MOST, calibrated
 
 SIZES = {

@@ -5,7 +5,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from ..plane.linear import corner_angles, edge_lengths, face_areas
 from ..registration.curves import edge_graph, weigh_edges
-from ..registration.metrics import SMALLEST_RATIO, coefficient_statistics
+from ..registration.report import SMALLEST_RATIO, coefficient_statistics
 
 
 def coefficient_measures(surface, disk, mu):

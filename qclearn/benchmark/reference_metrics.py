@@ -13,7 +13,7 @@ from ..registration.curves import (
     sample_curve,
 )
 from ..registration.features import standardised
-from ..registration.metrics import distortion_maps, log2_distortions, quantile
+from ..registration.report import distortion_maps, log2_distortions, quantile
 from .images import OnDisk
 
 # Figures of held-out curves, figures of the true map itself, and their names in a row.

@@ -14,7 +14,7 @@ from ..io.mapfile import frame_of_side, numbering_of_side, read_registration
 from ..io.meshes import frame_of
 from ..io.safe import naming
 from ..io.sphere import RINGS, registered_sphere, require_whole, unit_sphere
-from ..registration.metrics import distortion_maps
+from ..registration.report import distortion_maps
 from .output import output_folder, say
 
 OTHER = {"left": "right", "right": "left", None: None}

@@ -8,7 +8,7 @@ import numpy as np
 from ..plane.bijectivity import BijectivityError
 from ..plane.disk import Disk
 from ..plane.linear import around_vertices, face_areas
-from ..registration.diagnose import disagreeing, strong_distortion, switched_rows
+from ..registration.diagnose import disagreeing, reasons
 from ..registration.features import (
     COMPUTED,
     SCALE,
@@ -131,10 +131,9 @@ def fitted(subject, mean, weights):
         fit = fit_with_fallbacks(problem, weights, None, 0.0, features)
     except BijectivityError as error:
         return Fitted(None, [f"folds: {error}"])
-    reasons = [*switched_rows(fit, surface), *strong_distortion(surface, fit.mu)]
-    reasons += disagreeing(features, subject.disk.z, fit.f)
+    suspect = [*reasons(surface, [], fit), *disagreeing(features, subject.disk.z, fit.f)]
     r = {name: after for name, (_, after) in fit.r.items()}
-    return Fitted(fit.f, reasons, [*subject.messages, *fit.fallbacks], r)
+    return Fitted(fit.f, suspect, [*subject.messages, *fit.fallbacks], r)
 
 
 def mirrored_gain(moving, control):

@@ -11,10 +11,10 @@
   ends.
 - gauss_newton, residuals: the objective, one step on one mesh, and the terms that it lowers.
 - networks: maps that networks predict, checked, and replaced or fitted further where they fail.
-- metrics, report: errors, distortion, held-out curves.
+- report: errors, distortion, held-out curves.
 - uncertainty: the error radius.
 
-Beside it: transfer (values carried, result files), sphere (maps for other programs), and
+Beside it: transfer (values carried), and
 landmark_sources (curves of `qclearn landmarks`).
 """
 
@@ -26,7 +26,6 @@ TABLE = {
     "features": ["FINEST", "FOLDS", "Feature", "check_features", "featured"],
     "fit": ["OVERFITS", "exact_map", "fit_problem"],
     "gauss_newton": ["PrimalStep"],
-    "metrics": ["log2_distortions", "measured_losses"],
     "multiresolution": [
         "GUIDING_DELTA",
         "GUIDING_GAMMA",
@@ -39,7 +38,7 @@ TABLE = {
     "networks": ["certified_network_map"],
     "pair": ["SurfacePair", "align_disks", "lines_by_name", "sample_landmarks"],
     "problem": ["DELTA_BY_DISKS", "DELTA", "ETA", "Problem", "Weights"],
-    "report": ["held_out_distances"],
+    "report": ["held_out_distances", "log2_distortions", "measured_losses"],
     "residuals": ["LandmarkTerm"],
     "uncertainty": ["Laplace", "calibrated"],
 }

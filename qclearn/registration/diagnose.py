@@ -19,7 +19,6 @@ from ..surfaces.surface import SurfaceError, closing_fans
 from ..surfaces.units import size_of
 from .curves import SIDES
 from .features import FOLDS, SCALE, align_by_features, check_features, featured
-from .metrics import mean_rows
 
 LIMITS = {
     "error_mm": 3.0,  # mean landmark error, mm, together with the next; 0.05 to 4.1 | 0.3 to 64
@@ -140,11 +139,14 @@ def rotation_contrast(aligned):
 def diagnose_ends(pair):
     """Messages on hypotheses that explain the curves' ends much better than as given."""
     given, messages = given_hypothesis(pair), []
-    # First other surfaces, or one change of order; then, with these, further changes of order.
+    # First other surfaces, or one change of order.
     best = best_hypothesis([given, *surface_hypotheses(given, pair), *order_hypotheses(given)])
     if best.reason and accepted(given, best):
         given, messages = best, [best.reason]
-    best = reordered(given)
+    # Then, with these, one reversal or swap after the other, as long as all ends fit better.
+    best, before = given, None
+    while best is not before:
+        before, best = best, best_hypothesis([best, *order_hypotheses(best)])
     if best is not given and accepted(given, best):
         messages += order_messages(best, [curve.name for curve in pair.curves])
     return messages
@@ -159,14 +161,6 @@ def given_hypothesis(pair):
 def ends(curves, side):
     """First and last vertices of the `Curve`s of one side, (K, 2) int."""
     return np.array([curve.path(side)[[0, -1]] for curve in curves])
-
-
-def reordered(hypothesis):
-    """The hypothesis after one reversal or swap after the other, as long as all ends fit better by
-    a STEP."""
-    while (best := best_hypothesis([hypothesis, *order_hypotheses(hypothesis)])) is not hypothesis:
-        hypothesis = best
-    return hypothesis
 
 
 def best_hypothesis(hypotheses):
@@ -224,7 +218,13 @@ def surface_hypotheses(given, pair):
         )
         p, q = z["moving"][vertices["control"]], z["control"][vertices["moving"]]
         yield replace(given, p=p, q=q, reason=reason)
-    cut = {side: cut_numbers(getattr(pair, side).surface, vertices[side]) for side in SIDES}
+    # The numbers may be those of the whole surfaces, where their vertices are known.
+    cut = dict.fromkeys(SIDES)
+    for side in SIDES:
+        table = getattr(pair, side).surface.original_vertices
+        if table is not None:
+            places = places_of(vertices[side], table)
+            cut[side] = None if (places < 0).any() else places
     for whole in (("moving",), ("control",), SIDES):
         if all(cut[side] is not None for side in whole):
             reason = (
@@ -237,15 +237,6 @@ def surface_hypotheses(given, pair):
                 for side, as_given in zip(SIDES, (given.p, given.q))
             )
             yield replace(given, p=p, q=q, reason=reason)
-
-
-def cut_numbers(surface, numbers):
-    """Vertices of the cut surface from those of the whole one; None without a table or where one is
-    missing."""
-    if surface.original_vertices is None:
-        return None
-    places = places_of(numbers, surface.original_vertices)
-    return None if (places < 0).any() else places
 
 
 def order_hypotheses(given):
@@ -297,10 +288,13 @@ def differing_walls(moving, control):
     """A message for `fallbacks`, `walls:`, where two hemispheres were cut open by different rules.
     Folds change a surface's area and not its length: the gap's area over the squared length is what
     compares."""
-    surfaces = moving, control
-    if not all(size_of(surface).unit for surface in surfaces):
+    sizes = [size_of(surface) for surface in (moving, control)]
+    if not all(size.unit for size in sizes):
         return
-    here, there = (relative_gap(surface) for surface in surfaces)
+    here, there = (
+        face_areas(*closing_fans(surface)).sum() / size.length**2
+        for surface, size in zip((moving, control), sizes)
+    )
     if max(here, there) > WALLS * min(here, there):
         larger, smaller = SIDES if here > there else SIDES[::-1]
         ratio = max(here, there) / min(here, there)
@@ -311,15 +305,53 @@ def differing_walls(moving, control):
         )
 
 
-def relative_gap(surface):
-    """Area of the fan that closes a surface's rim over its squared length."""
-    return face_areas(*closing_fans(surface)).sum() / size_of(surface).length ** 2
-
-
 def reasons(moving, rows, fit):
-    """Why the `CheckedMap` of a moving surface, rows from `error_rows`, is suspect: messages."""
-    errors = [*large_error(mean_rows(rows)), *odd_curves(rows)] if rows else []
-    return [*errors, *switched_rows(fit, moving), *strong_distortion(moving, fit.mu)]
+    """Why the `CheckedMap` of a moving surface, rows from `error_rows`, is suspect, messages:
+    `error:`, `curve:`, `rows:` and `distortion:`."""
+    # The map leaves the landmarks far from their targets.
+    errors = np.array([row["landmark_error_mm"] for row in rows])
+    if rows:
+        before, after = (
+            np.mean([row[key] for row in rows])
+            for key in ("landmark_error_before", "landmark_error")
+        )
+        share = after / max(before, ROUNDING)
+        if errors.mean() > LIMITS["error_mm"] and share > LIMITS["error_share"]:
+            yield (
+                f"error: the landmarks end {errors.mean():.1f} mm from their targets on average, "
+                f"and {100 * share:.0f} % of what the best Möbius map leaves stays; check the "
+                "curves, or raise gamma if it was lowered"
+            )
+
+    # One curve ends far from its target, and the others do not.
+    for row, error in zip(rows, errors):
+        median = np.median(errors)
+        if error > LIMITS["curve_mm"] and error > LIMITS["curve_ratio"] * median:
+            yield (
+                f"curve: {row['name']!r} ends {error:.1f} mm from its target, the median curve "
+                f"{median:.1f} mm; check its vertices, their order and its name, or leave it out"
+            )
+
+    # The map had to be repaired at many vertices.
+    count = len(moving.vertices)
+    if fit.switched > LIMITS["rows"] * count:
+        yield (
+            f"rows: the map folded and was repaired at {fit.switched} of {count} vertices; the "
+            "landmarks are probably wrong: check the order, the names and the ends of the curves"
+        )
+
+    # Much of the surface is stretched beyond what folding explains.
+    strong = strong_share(moving, fit.mu)
+    if strong > LIMITS["strong_area"]:
+        yield (
+            f"distortion: |mu| is over {LIMITS['strong_mu']} on {100 * strong:.1f} % of the moving "
+            "surface; check the curves, or lower gamma"
+        )
+
+
+def strong_share(moving, mu):
+    """Share of the moving surface's area with |mu| over LIMITS["strong_mu"]."""
+    return float(moving.face_areas[abs(mu) > LIMITS["strong_mu"]].sum() / moving.area)
 
 
 def disagreeing(features, f, fitted):
@@ -362,73 +394,23 @@ def astray(pair, f):
         )
 
 
-def large_error(means):
-    """`error:` where the map leaves the landmarks far from their targets."""
-    error = means["landmark_error_mm"]
-    share = means["landmark_error"] / max(means["landmark_error_before"], ROUNDING)
-    if error > LIMITS["error_mm"] and share > LIMITS["error_share"]:
-        yield (
-            f"error: the landmarks end {error:.1f} mm from their targets on average, and "
-            f"{100 * share:.0f} % of what the best Möbius map leaves stays; check the curves, or "
-            "raise gamma if it was lowered"
-        )
-
-
-def odd_curves(rows):
-    """`curve:` where one curve ends far from its target and the others do not."""
-    errors = np.array([row["landmark_error_mm"] for row in rows])
-    median = np.median(errors)
-    for row, error in zip(rows, errors):
-        if error > LIMITS["curve_mm"] and error > LIMITS["curve_ratio"] * median:
-            yield (
-                f"curve: {row['name']!r} ends {error:.1f} mm from its target, the median curve "
-                f"{median:.1f} mm; check its vertices, their order and its name, or leave it out"
-            )
-
-
-def switched_rows(fit, surface):
-    """`rows:` where the `CheckedMap` of a surface had to be repaired at many vertices."""
-    count = len(surface.vertices)
-    if fit.switched > LIMITS["rows"] * count:
-        yield (
-            f"rows: the map folded and was repaired at {fit.switched} of {count} vertices; the "
-            "landmarks are probably wrong: check the order, the names and the ends of the curves"
-        )
-
-
-def strong_share(moving, mu):
-    """Share of the moving surface's area with |mu| over LIMITS["strong_mu"]."""
-    return float(moving.face_areas[abs(mu) > LIMITS["strong_mu"]].sum() / moving.area)
-
-
-def strong_distortion(moving, mu):
-    """`distortion:` where much of the surface is stretched beyond what folding explains."""
-    share = strong_share(moving, mu)
-    if share > LIMITS["strong_area"]:
-        yield (
-            f"distortion: |mu| is over {LIMITS['strong_mu']} on {100 * share:.1f} % of the moving "
-            "surface; check the curves, or lower gamma"
-        )
-
-
 def worse(held_out_mm):
     """`worse:` where held-out curves fit clearly worse than after the Möbius map."""
-    facts = []
-
-    def rises(before, after, least):
-        return after > (1 + LIMITS["worse"]) * before and after - before > LIMITS[least]
-
-    before, after = np.mean(list(held_out_mm.values()), axis=0) if held_out_mm else (0.0, 0.0)
-    if rises(before, after, "worse_mm"):
-        facts.append(
-            f"the held-out curves end {after:.1f} mm from their targets on average ({before:.1f}"
-        )
-    for name, (before, after) in held_out_mm.items():
-        if rises(before, after, "worse_curve_mm"):
-            facts.append(f"{name!r} ends {after:.1f} mm from its target ({before:.1f}")
+    if not held_out_mm:
+        return
+    mean = np.mean(list(held_out_mm.values()), axis=0)
+    rows = [("the held-out curves end", "their targets on average", mean, "worse_mm")]
+    rows += [
+        (f"{name!r} ends", "its target", both, "worse_curve_mm")
+        for name, both in held_out_mm.items()
+    ]
+    facts = [
+        f"{what} {after:.1f} mm from {where} ({before:.1f} after the best Möbius map)"
+        for what, where, (before, after), least in rows
+        if after > (1 + LIMITS["worse"]) * before and after - before > LIMITS[least]
+    ]
     if facts:
-        facts = ", and ".join(f"{fact} after the best Möbius map)" for fact in facts)
         yield (
-            f"worse: {facts}; check what was fitted, lower delta or gamma, or give a landmark "
-            "curve there"
+            f"worse: {', and '.join(facts)}; check what was fitted, lower delta or gamma, or give "
+            "a landmark curve there"
         )

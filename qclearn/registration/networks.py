@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from .fit import ROUNDING, exact_map, fit_with_fallbacks, moved_map
-from .metrics import measured_losses
+from .report import measured_losses
 
 # Landmark error in the disk above which a network's map is refined: half of what detection leaves.
 TOLERANCE = 5e-3

@@ -1,22 +1,23 @@
-"""The report of a registration: errors before and after the fit, distortion, held-out curves."""
+"""What is said of a map, in reports and tables: its errors before and after the fit, its
+coefficient, its distortion, held-out curves, the paper's losses."""
 
 from dataclasses import asdict
 from importlib.metadata import version
 
 import numpy as np
 
+from ..plane.linear import around_vertices, face_areas
 from ..plane.mobius import mobius
 from ..surfaces.checks import degenerate_faces
 from ..surfaces.units import size_of
-from .curves import POINTS_PER_CURVE, curve_distance, curves_in_space, sample_curve
+from .curves import POINTS_PER_CURVE, SIDES, curve_distance, curves_in_space, sample_curve
 from .diagnose import FEWEST, align_by_folds, astray, differing_walls, disagreeing, reasons, worse
-from .metrics import (
-    ERRORS,
-    coefficient_statistics,
-    distortion_quantiles,
-    log2_distortions,
-    mean_rows,
-)
+
+# Errors of a landmark or a curve, before the fit (best Möbius map) and after it, in the disk and in
+# mm.
+ERRORS = ("landmark_error_before", "landmark_error", "landmark_error_mm")
+SMALLEST_RATIO = 1e-6  # of a face's area to its share, where it is measured
+SMALLEST_IN_FILES = 1e-9  # of areas that coordinates of float32 bear out
 
 
 def report_of(pair, landmarks, weights, fit, points):
@@ -27,22 +28,41 @@ def report_of(pair, landmarks, weights, fit, points):
     """
     moving = pair.moving.surface
     features = pair.features
+    before = landmarks.map_before
+
+    # Landmarks: the mean of each error over the curves that have it, null without any.
     rows = error_rows(pair, landmarks, fit.f)
-    maps = landmarks.map_before, fit.f
-    held_out = held_out_distances(pair, landmarks.held, *maps)
-    messages = [*differing_walls(moving, pair.control.surface), *pair.messages, *landmarks.messages]
-    r = {}
+    means = dict.fromkeys(ERRORS)
+    for key in (*ERRORS, "landmark_error_true"):
+        values = [row[key] for row in rows if key in row]
+        means |= {key: float(np.mean(values))} if values else {}
+
+    # Features: `fit.r` begins with r after the Möbius map of distinct landmarks; the report's
+    # `before` is after that of all.
+    r, disagreements = {}, []
     if features:
-        # `fit.r` begins with r after the Möbius map of distinct landmarks; the report's `before` is
-        # after that of all.
-        before = features.correlation(landmarks.map_before).tolist()
-        r = {name: [one, fit.r[name][1]] for name, one in zip(features.names, before)}
+        start = features.correlation(before).tolist()
+        r = {name: [one, fit.r[name][1]] for name, one in zip(features.names, start)}
+        # Curves too few to determine `mobius_before` make way for the features' best Möbius map;
+        # enough of them know the place in space.
+        few = len(pair.curves) < FEWEST
+        aligned = align_by_folds(pair).moving.disk.z if pair.curves and few else before
+        disagreements = [*disagreeing(features, aligned, fit.f)]
+        disagreements = disagreements or ([*astray(pair, fit.f)] if few else [])
+
+    # The surface: how much of it is stretched.
+    shares = moving.face_areas / moving.area
+    distortion = {
+        name: {str(share): quantile(values, shares, share / 100) for share in (50, 95, 100)}
+        for name, values in log2_stretches(moving, points).items()
+    }
+    held_out = held_out_distances(pair, landmarks.held, before, fit.f)
+    messages = [*differing_walls(moving, pair.control.surface), *pair.messages, *landmarks.messages]
     return {
-        **dict.fromkeys(ERRORS),  # null where no landmark was given
-        **mean_rows(rows),
+        **means,
         **coefficient_statistics(fit.mu),
         **log2_distortions(moving, points),
-        "distortion": distortion_quantiles(moving, points),
+        "distortion": distortion,
         "flipped": len(fit.flipped),
         "bijective": fit.bijective,
         "degenerate": len(degenerate_faces(points, moving.faces)),
@@ -56,26 +76,9 @@ def report_of(pair, landmarks, weights, fit, points):
         "mobius": {"a": [fit.mobius[0].real, fit.mobius[0].imag], "theta": fit.mobius[1]},
         "curves": rows,
         "held_out_mm": held_out,
-        "suspect": [
-            *reasons(moving, rows, fit),
-            *feature_messages(pair, landmarks, fit.f),
-            *worse(held_out),
-        ],
+        "suspect": [*reasons(moving, rows, fit), *disagreements, *worse(held_out)],
         "version": version("qclearn"),
     }
-
-
-def feature_messages(pair, landmarks, f):
-    """`features:` messages on an aligned pair and its fitted map f (V,), a list. Curves too few to
-    determine `mobius_before` make way for the features' best; enough of them know the place."""
-    if pair.features is None:
-        return []
-    start = landmarks.map_before
-    few = len(pair.curves) < FEWEST
-    if pair.curves and few:
-        start = align_by_folds(pair).moving.disk.z
-    messages = [*disagreeing(pair.features, start, f)]
-    return messages or ([*astray(pair, f)] if few else [])
 
 
 def error_rows(pair, landmarks, f):
@@ -92,30 +95,26 @@ def error_rows(pair, landmarks, f):
     before = abs(mobius(here @ moving.disk.z, *landmarks.mobius_before) - q)
     off_mm = np.linalg.norm(control.lift(mapped) - there @ control.surface.vertices, axis=1)
     off_mm /= size_of(control.surface).mm
-    rows = []
     by_curve = np.reshape([before, abs(mapped - q), off_mm], (3, len(pair.curves), -1)).mean(2)
+    rows = []
     for curve, errors in zip(pair.curves, by_curve.T.tolist()):
         row = {"name": curve.name, **dict(zip(ERRORS, errors))}
         rows.append(row)
-        true_p = true_path(moving.surface, curve, "moving")
-        true_q = true_path(control.surface, curve, "control")
-        if any(curve.detect.values()) and true_p is not None and true_q is not None:
-            after = sample_curve(moving.surface, true_p, POINTS_PER_CURVE) @ f
-            target = sample_curve(control.surface, true_q, POINTS_PER_CURVE) @ control.disk.z
+        # The true path of a side is the one that is given, or that the surface carries between the
+        # given ends.
+        true = []
+        for side in SIDES:
+            path = curve.path(side)
+            known = getattr(pair, side).surface.curves.get(curve.name)
+            if not curve.detect[side]:
+                true.append(path)
+            elif known is not None and sorted(known[[0, -1]]) == sorted(path):
+                true.append(known if known[0] == path[0] else known[::-1])
+        if any(curve.detect.values()) and len(true) == len(SIDES):
+            after = sample_curve(moving.surface, true[0], POINTS_PER_CURVE) @ f
+            target = sample_curve(control.surface, true[1], POINTS_PER_CURVE) @ control.disk.z
             row["landmark_error_true"] = float(abs(after - target).mean())
     return rows
-
-
-def true_path(surface, curve, side):
-    """The vertex path of a `Curve` as given, or as the surface carries it between the given
-    endpoints, else None."""
-    given = curve.path(side)
-    known = surface.curves.get(curve.name)
-    if not curve.detect[side]:
-        return given
-    if known is None or sorted(known[[0, -1]]) != sorted(given):
-        return None
-    return known if known[0] == given[0] else known[::-1]
 
 
 def held_out_distances(pair, lines, *maps):
@@ -134,3 +133,98 @@ def held_out_distances(pair, lines, *maps):
         name: [float(curve_distance(curve, target) / mm) for curve in curves]
         for name, target, curves in zip(lines, targets, zip(*images))
     }
+
+
+def coefficient_statistics(mu):
+    """Mean, standard deviation and maximum of |mu| over the faces of the moving mesh."""
+    size = abs(mu)
+    return {
+        "mean_abs_mu": float(size.mean()),
+        "sd_abs_mu": float(size.std()),
+        "max_abs_mu": float(size.max()),
+    }
+
+
+def measured_losses(problem, weights, mu, mapped):
+    """The paper's loss and its terms, L_mu, L_grad_mu, L_Landmark, L_CP, of a map's measured mu
+    (F,) and its landmarks `mapped` (M,).
+
+    `L_mu = (1/pi) sum |T| |mu_T|^2`; for `L_grad_mu = (1/pi) int |grad mu|^2` mu is made piecewise
+    linear by averages over the faces around each vertex, by area. Source: paper, eqs. muloss,
+    musmooth, lmloss, RegLoss.
+    """
+    disk = problem.disk
+    nodal = disk.to_vertices @ mu
+    terms = {
+        "L_mu": float(disk.areas @ abs(mu) ** 2) / np.pi,
+        "L_grad_mu": float((nodal.conj() @ (disk.laplace @ nodal)).real) / np.pi,
+        "L_Landmark": float((abs(mapped - problem.target) ** 2).mean()),
+    }
+    return terms | {"L_CP": sum(factor * terms[name] for name, factor in weights.factors.items())}
+
+
+def log2_distortions(surface, points):
+    """How much the registration stretches, moving surface -> points (V, 3): [mean, 95 %] over the
+    surface's area.
+
+    `log2_area`: |log2 J|, J the ratio of areas, at least `SMALLEST_RATIO`, total areas made equal;
+    `log2_shape`: log2 of the ratio of the principal stretches, `(1 + |mu|) / (1 - |mu|)`.
+    """
+    weights = surface.face_areas / surface.area
+    return {
+        name: [float(weights @ values), quantile(values, weights)]
+        for name, values in log2_stretches(surface, points).items()
+    }
+
+
+def log2_stretches(surface, points):
+    """`log2_area` and `log2_shape` of each face (F,), as of `log2_distortions`."""
+    area, shape = stretches(surface.vertices, surface.faces, points)
+    area = np.maximum(area / (surface.face_areas @ area / surface.area), SMALLEST_RATIO)
+    return {"log2_area": abs(np.log2(area)), "log2_shape": np.log2(shape)}
+
+
+def distortion_maps(vertices, faces, images):
+    """Areal and shape distortion at the vertices (V, 3) that go to `images` (V, 3), (V,) each, as
+    Workbench has them.
+
+    Areal: log2 J, J the ratio of the areas around a vertex, at least `SMALLEST_IN_FILES`
+    (`wb_command -surface-distortion`); shape: log2 of the mean, over the faces around a vertex, of
+    the ratio of the principal stretches (its `-local-affine-method -log2`). Total areas are left as
+    they are.
+    """
+    area, shape = stretches(vertices, faces, images)
+    before = face_areas(vertices, faces)
+    ratio = around_vertices(before * area, faces) / around_vertices(before, faces)
+    mean_shape = around_vertices(shape, faces) / np.bincount(faces.ravel())
+    return np.log2(np.maximum(ratio, SMALLEST_IN_FILES)), np.log2(mean_shape)
+
+
+def stretches(vertices, faces, images):
+    """Ratios of the areas, and of the principal stretches, `(1 + |mu|) / (1 - |mu|)`, of a map of
+    faces, (F,) each."""
+    tiny = np.finfo(float).tiny
+    flat = []
+    for corners in (vertices[faces], images[faces]):
+        # Two edges of each face, from its first corner, in its plane: complex (2, F).
+        first = corners[:, 1] - corners[:, 0]
+        second = corners[:, 2] - corners[:, 0]
+        length = np.linalg.norm(first, axis=1)
+        along = first / np.maximum(length, tiny)[:, None]
+        x = (second * along).sum(1)
+        y = np.linalg.norm(second - x[:, None] * along, axis=1)
+        flat.append(np.stack([length + 0j, x + 1j * y]))
+    p, q = flat
+    # On each face the map is w -> a w + b conj(w).
+    double_area = p[0] * p[1].conj() - p[1] * p[0].conj()
+    a = (q[0] * p[1].conj() - q[1] * p[0].conj()) / double_area
+    b = (q[1] * p[0] - q[0] * p[1]) / double_area
+    mu = np.minimum(abs(b) / np.maximum(abs(a), tiny), 1 - SMALLEST_RATIO)
+    return abs(a) ** 2 - abs(b) ** 2, (1 + mu) / (1 - mu)
+
+
+def quantile(values, shares, share=0.95):
+    """The value of (F,) below which `share` of the area lies; shares (F,): of the area."""
+    order = np.argsort(values)
+    rank = np.searchsorted(np.cumsum(shares[order]), share)
+    return float(values[order[min(rank, len(order) - 1)]])  # rounding may leave the sum below 1

@@ -20,9 +20,9 @@ from .diagnose import with_folds
 from .features import FINEST, FOLDS
 from .fit import limited
 from .gauss_newton import MOBIUS_PRIOR, ProductStep
-from .metrics import quantile
 from .multiresolution import GUIDES, Level, MultiresolutionFit, Progress, start_field
 from .problem import LandmarkError
+from .report import quantile
 
 RINGS = 16  # of the polar mesh of the posterior
 BATCH = 256  # unknowns whose columns are solved for at once

@@ -12,7 +12,7 @@ from ..io.safe import read_bytes
 from ..plane.disk import Disk
 from ..plane.linear import around_vertices, face_areas
 from ..registration.features import FINEST, Features, Smoothing
-from ..registration.metrics import SMALLEST_RATIO
+from ..registration.report import SMALLEST_RATIO
 from ..surfaces.conformal import ParameterizedSurface
 from ..surfaces.curvature import mean_curvature
 from ..surfaces.surface import Surface, SurfaceError

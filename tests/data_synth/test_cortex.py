@@ -35,7 +35,7 @@ from data_synth.untangle import untangle
 from known_surfaces import sphere
 from qclearn import mean_curvature, read_surface, sulcal_depth
 from qclearn.registration.curves import curve_distance
-from qclearn.registration.metrics import log2_distortions
+from qclearn.registration.report import log2_distortions
 from qclearn.surfaces.surface import Surface, SurfaceError, require_disk, require_outward
 from subjects import grown
 

@@ -18,8 +18,8 @@ from qclearn.plane.fourier import compress, from_square, to_square
 from qclearn.plane.grids import POWER, polar, polar_disk
 from qclearn.plane.solver import DiskSolver
 from qclearn.registration.fit import report_fit
-from qclearn.registration.metrics import measured_losses
 from qclearn.registration.problem import LandmarkError, Problem, Weights
+from qclearn.registration.report import measured_losses
 
 SIZES = [COARSE, FINE, (32, 96, POWER), (48, 144, 1.0)]
 

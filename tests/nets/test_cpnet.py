@@ -24,8 +24,8 @@ from qclearn.plane.disk import Disk
 from qclearn.plane.grids import POWER, polar_disk, ring_tables, square_disk
 from qclearn.plane.mobius import best_mobius, mobius, mobius_fields, mobius_slope
 from qclearn.registration.fit import exact_map, fit_landmarks, fit_problem
-from qclearn.registration.metrics import measured_losses
 from qclearn.registration.problem import LandmarkError, Problem, Weights
+from qclearn.registration.report import measured_losses
 from qclearn.surfaces.surface import SurfaceError
 
 pytestmark = pytest.mark.usefixtures("one_thread")

@@ -14,8 +14,8 @@ from qclearn.plane.mobius import best_mobius, mobius
 from qclearn.plane.tangent import CoefficientMesh
 from qclearn.registration.fit import exact_map, fit_problem
 from qclearn.registration.gauss_newton import Discretization, GaussNewtonObjective
-from qclearn.registration.metrics import measured_losses
 from qclearn.registration.problem import Problem, Weights
+from qclearn.registration.report import measured_losses
 
 
 @pytest.fixture(scope="module")

@@ -22,12 +22,8 @@ from qclearn.registration.diagnose import (
     LIMITS,
     align_by_folds,
     diagnose_landmarks,
-    large_error,
-    odd_curves,
     reasons,
     rotation_contrast,
-    strong_distortion,
-    switched_rows,
     with_folds,
     worse,
 )
@@ -189,27 +185,32 @@ def test_surfaces_that_share_one_numbering_are_not_called_exchanged(sides):
 # What the map shows
 
 
+FLAT = SimpleNamespace(vertices=np.zeros((1000, 3)), face_areas=np.ones(1), area=1.0)
+GOOD = SimpleNamespace(switched=5, mu=np.zeros(1))
+
+
+def told(errors, before=0.1, after=0.05):
+    """The reasons for curves a, b, ... that end so many millimetres off, of a map without faults."""
+    disk = {"landmark_error_before": before, "landmark_error": after}
+    rows = [disk | {"name": name, "landmark_error_mm": error} for name, error in zip("abcdefg", errors)]
+    return list(reasons(FLAT, rows, GOOD))
+
+
 def test_a_large_error_is_one_in_millimetres_that_the_map_has_not_reduced():
-    assert list(large_error({"landmark_error_mm": 2.9, "landmark_error": 0.1, "landmark_error_before": 0.1})) == []
-    assert list(large_error({"landmark_error_mm": 9, "landmark_error": 0.03, "landmark_error_before": 0.1})) == []
-    (reason,) = large_error({"landmark_error_mm": 3.1, "landmark_error": 0.05, "landmark_error_before": 0.1})
+    assert told([2.9], after=0.1) == told([9.0], after=0.03) == []
+    (reason,) = told([3.2, 3.0])
     assert reason.startswith("error: ") and "3.1 mm" in reason and "50 %" in reason and "gamma" in reason
 
 
 def test_an_odd_curve_is_named():
-    rows = [
-        {"name": name, "landmark_error_mm": error} for name, error in (("a", 1.0), ("b", 1.2), ("c", 6.1), ("d", 0.9))
-    ]
-    (reason,) = odd_curves(rows)
+    (reason,) = told([1.0, 1.2, 6.1, 0.9])
     assert reason.startswith("curve: 'c' ends 6.1 mm")
-    assert list(odd_curves([row | {"landmark_error_mm": row["landmark_error_mm"] * 0.8} for row in rows])) == []
-    assert list(odd_curves([*rows, *({"name": name, "landmark_error_mm": 7.0} for name in "efg")])) == []  # all are bad
+    assert told([0.8, 0.96, 4.88, 0.72]) == told([1.0, 1.2, 6.1, 0.9, 7.0, 7.0, 7.0], after=0.01) == []  # all are bad
 
 
 def test_many_switched_rows_are_counted():
-    surface = SimpleNamespace(vertices=np.zeros((1000, 3)))
-    assert list(switched_rows(SimpleNamespace(switched=5), surface)) == []
-    (reason,) = switched_rows(SimpleNamespace(switched=6), surface)
+    assert list(reasons(FLAT, [], GOOD)) == []
+    (reason,) = reasons(FLAT, [], SimpleNamespace(switched=6, mu=np.zeros(1)))
     assert reason.startswith("rows: ") and "6 of 1000 vertices" in reason
 
 
@@ -220,9 +221,9 @@ def test_strong_distortion_is_measured_by_area_and_not_by_faces():
     small = order[np.cumsum(surface.face_areas[order]) < 0.009 * surface.area]
     assert len(small) > 0.01 * len(faces)
     mu[small] = 0.99j
-    assert list(strong_distortion(surface, mu)) == []
+    assert list(reasons(surface, [], SimpleNamespace(switched=0, mu=mu))) == []
     mu[order[-10:]] = -0.91
-    (reason,) = strong_distortion(surface, mu)
+    (reason,) = reasons(surface, [], SimpleNamespace(switched=0, mu=mu))
     assert reason.startswith("distortion: ") and "|mu| is over 0.9 on" in reason
 
 

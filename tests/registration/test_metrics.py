@@ -7,15 +7,8 @@ import torch
 from qclearn.nets import losses
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk
-from qclearn.registration.metrics import (
-    ERRORS,
-    coefficient_statistics,
-    distortion_quantiles,
-    log2_distortions,
-    mean_rows,
-    measured_losses,
-)
 from qclearn.registration.problem import Problem, Weights
+from qclearn.registration.report import coefficient_statistics, log2_distortions, measured_losses
 from qclearn.surfaces.surface import Surface
 
 Z, FACES = polar_disk(24, 72)
@@ -65,20 +58,6 @@ def test_the_losses_are_those_that_networks_are_trained_with():
     assert measured(mu, mapped, (2.0, 0.1, 1e4))["L_CP"] == pytest.approx(float(tensor[0]), rel=1e-12)
 
 
-def test_the_mean_of_an_error_is_over_the_curves_that_have_it():
-    rows = [
-        dict(zip(ERRORS, (error, error / 10, 2 * error))) | {"name": name} for name, error in (("a", 1.0), ("b", 3.0))
-    ]
-    assert "landmark_error_true" not in mean_rows(rows)
-    rows[0]["landmark_error_true"] = 0.5
-    assert mean_rows(rows) == {
-        "landmark_error_before": pytest.approx(2),
-        "landmark_error": pytest.approx(0.2),
-        "landmark_error_mm": pytest.approx(4),
-        "landmark_error_true": 0.5,
-    }
-
-
 def test_statistics_are_over_faces():
     assert coefficient_statistics(np.array([0.6j, 0.2])) == {
         "mean_abs_mu": pytest.approx(0.4),
@@ -92,9 +71,7 @@ def test_a_stretch_is_told_apart_into_area_and_shape():
     count."""
     flat = Surface(np.stack([Z.real, Z.imag, 0 * Z.real], axis=1), FACES)
     found = log2_distortions(flat, 3 * flat.vertices[:, [2, 0, 1]])
-    quantiles = distortion_quantiles(flat, 3 * flat.vertices[:, [2, 0, 1]])
     assert found == {key: [pytest.approx(0, abs=1e-12)] * 2 for key in ("log2_area", "log2_shape")}
-    assert quantiles == {key: dict.fromkeys(("50", "95", "100"), pytest.approx(0, abs=1e-12)) for key in found}
     stretched = log2_distortions(flat, flat.vertices * [2.0, 0.5, 1.0])
     assert stretched["log2_area"] == [pytest.approx(0, abs=1e-12)] * 2
     assert stretched["log2_shape"] == [pytest.approx(2)] * 2

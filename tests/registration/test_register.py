@@ -121,6 +121,9 @@ def test_the_report_has_the_agreed_keys_and_is_json(turned):
     assert json.loads(json.dumps(report, allow_nan=False)) == report
     assert report["fallbacks"] == report["suspect"] == [] and report["method"] == "exact"
     assert [report[name] for name in ("alpha", "beta", "gamma")] == [Weights.alpha, Weights.beta, Weights.gamma]
+    for name in ("log2_area", "log2_shape"):
+        half, most, all_of_it = report["distortion"][name].values()
+        assert half < report[name][1] == most < all_of_it
     stages = dict(report["seconds"])
     assert stages.pop("total") == pytest.approx(sum(stages.values()), abs=1e-3) and min(stages.values()) >= 0
 

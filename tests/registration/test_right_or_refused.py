@@ -22,8 +22,8 @@ from qclearn.registration import register as pipeline
 from qclearn.registration.curves import read_landmarks
 from qclearn.registration.fit import fit_landmarks
 from qclearn.registration.gauss_newton import Discretization, DualStep, GaussNewtonObjective
-from qclearn.registration.metrics import measured_losses
 from qclearn.registration.problem import LandmarkError, Problem, Weights
+from qclearn.registration.report import measured_losses
 from qclearn.registration.transfer import transfer
 from qclearn.surfaces.surface import Surface, SurfaceError
 

@@ -1,4 +1,4 @@
-// What is said of a map, whatever found it: its measured coefficient and the paper's losses (registration/metrics.py).
+// What is said of a map, whatever found it: its measured coefficient and the paper's losses (registration/report.py).
 import { largest, meanDistance, sizes, squares } from "./complex.js";
 import { sample } from "./mesh.js";
 

@@ -25,10 +25,10 @@ from qclearn.plane.mobius import best_mobius, mobius
 from qclearn.plane.solver import DiskSolver
 from qclearn.registration.curves import sample_curve
 from qclearn.registration.fit import exact_map, fit_problem, moved_map
-from qclearn.registration.metrics import measured_losses
 from qclearn.registration.multiresolution import Level, MultiresolutionFit
 from qclearn.registration.networks import predicted
 from qclearn.registration.problem import Problem, Weights, distinct
+from qclearn.registration.report import measured_losses
 from qclearn.surfaces.conformal import parameterize
 
 MESH = polar(*FINE)
