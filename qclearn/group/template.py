@@ -17,7 +17,6 @@ from tqdm import tqdm
 from ..io.provenance import commit
 from ..registration.features import FOLDS
 from ..registration.problem import DELTA_BY_DISKS, Weights
-from ..registration.register import check_delta
 from ..surfaces.surface import Surface
 from .members import TemplateError, members_of
 from .rounds import Folder, Group
@@ -69,7 +68,7 @@ def template(
     WorkersError; ImportError for several workers without dask.
     """
     members, names = members_of(subjects, features)
-    weights = Weights(delta=check_delta(delta, features))
+    weights = Weights(delta=DELTA_BY_DISKS if delta is None else delta)
     if not isinstance(rounds, int) or rounds < 0 or not isinstance(workers, int) or workers < 1:
         raise TemplateError(
             f"{rounds!r} rounds, {workers!r} workers: give 0 rounds or more, and at least one "

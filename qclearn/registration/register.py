@@ -13,7 +13,6 @@ from tqdm import tqdm
 from ..moved import gone
 from ..surfaces.conformal import parameterize
 from ..surfaces.surface import Mesh, Surface, require_disk, require_outward
-from ..surfaces.units import other_units, relative_units
 from .curves import check_curves, held_apart
 from .diagnose import diagnose_landmarks
 from .features import FOLDS, check_features, featured
@@ -24,12 +23,6 @@ from .problem import DELTA, DELTA_BY_DISKS, ETA, LandmarkError, Weights
 from .report import report_of
 from .uncertainty import check_uncertainty, uncertainty_of, uncertainty_report
 
-STOPPED = (
-    "the landmarks are wrong (see suspect), so nothing was fitted: this is the Möbius map that "
-    "aligns the ends of the curves, or the folds; features, held-out curves and the radius "
-    "were not computed; correct the landmarks, or fit them as they are by accept_suspect=True, "
-    "--accept-suspect"
-)
 STAGES = {"exact": (6, 7), "network": (10, 9)}  # how many run without and with features
 
 
@@ -146,139 +139,97 @@ def register(
     FeatureError; BijectivityError if no map is bijective at any gamma; ImportError if the networks
     are asked for and torch is not installed.
     """
-    # Everything that can be refused without a computation is refused here.
+    # All that can be refused is refused here, before any work.
     if annotations is not None:
         raise ValueError(gone("register(annotations=)"))
-    tolerance = check_method(method, sliding, tolerance, features)
-    eta = check_eta(eta, method, features)
-    delta = check_delta(delta, features, DELTA if eta else DELTA_BY_DISKS)
-    weights = Weights(alpha, beta, gamma, delta, eta)
-    if uncertainty:
-        check_uncertainty(features, method, sliding, weights)
-    fitted, held = given_curves(moving, control, curves, features, hold_out)
+    tolerance, weights = check_options(
+        method, sliding, tolerance, features, Weights(alpha, beta, gamma), delta, eta, uncertainty
+    )
+    fitted, held = check_landmarks(moving, control, curves, method, features, hold_out)
     stages = Stages(STAGES[method][features is not None] + uncertainty, progress)
     networks = {}
     if method == "network":
         with stages("load"):
-            networks = load_networks(fitted, features)
+            from ..nets import load  # here, as it needs torch
+
+            names = ["ldnet", "cpnet", "dbsnet"][: 3 if features is None else 2]
+            networks = {name: load(name) for name in names}
 
     # Each surface goes to the unit disk by its conformal map; features are compared there.
     with stages("disk_moving"):
-        on_moving = parameterize(moving)
+        here = parameterize(moving)
     with stages("disk_control"):
-        on_control = parameterize(control)
+        there = parameterize(control)
     compared = None
     if features is not None:
         with stages("features"):
             maps = check_features(features, moving, control)
-            on_moving, on_control, compared = featured(on_moving, on_control, maps)
+            here, there, compared = featured(here, there, maps)
 
-    # A Möbius map aligns the moving disk by the curves' ends. They show whether the landmarks are
-    # wrong, and then nothing but the aligned map is computed.
+    # A Möbius map aligns the moving disk: by the curves' ends, else by the features. It shows
+    # whether the landmarks are wrong, and then nothing else is computed.
     with stages("align"):
-        pair = align_disks(SurfacePair(on_moving, on_control, fitted, held, compared))
+        pair = align_disks(SurfacePair(here, there, fitted, held, compared))
         wrong = diagnose_landmarks(pair)
     stopped = bool(wrong) and not accept_suspect
     if stopped:
-        pair = replace(pair, held=[], features=None)
-        networks = {}
+        pair, networks = replace(pair, held=[], features=None), {}
 
     # Sulci are detected between their ends, and each curve gives ten landmarks.
     with stages("detect"):
-        detect = networks["ldnet"].detect if networks else None
-        landmarks = sample_landmarks(pair, detect, sliding)
+        landmarks = sample_landmarks(pair, networks["ldnet"].detect if networks else None, sliding)
+    problem = landmarks.problem
 
     # The map is fitted, or predicted by the networks, and certified.
     if stopped:
         with stages("map"):
-            fit = checked(landmarks.problem, pair.moving.disk.z, (0j, 0.0))
-    elif networks:
-        fit = fit_by_networks(
-            networks, pair.features, landmarks.problem, weights, tolerance, stages
-        )
+            fit = checked(problem, pair.moving.disk.z, (0j, 0.0))
+    elif networks and features is None:
+        predict, solve = networks["cpnet"].predict, networks["dbsnet"].solve
+        fit = certified_network_map(predict, solve, problem, weights, tolerance, stages)
     else:
+        start = None
+        if networks:
+            with stages("predict"):
+                start = predicted(networks["cpnet"].predict, problem, weights)
         with stages("map"):
-            fit = fit_with_fallbacks(landmarks.problem, weights, None, 0.0, pair.features)
+            fit = fit_with_fallbacks(problem, weights, start, 0.0, pair.features)
 
     # The inverse of the control's disk map takes the vertices to the control, where we measure.
     with stages("pull_back"):
         points = pair.control.lift(fit.f)
-        report = report_of(pair, landmarks, weights, fit, points)
-    suspect = [*wrong, *other_units(moving=moving, control=control)]
-    lowered = gamma_messages(networks["cpnet"], weights) if networks else []
-    report |= {
-        "suspect": suspect if stopped else suspect + report["suspect"],
-        "stopped": STOPPED if stopped else None,
-        "units": relative_units(control),
-        "fallbacks": lowered + report["fallbacks"],
-        "method": method,
-    }
-    if networks and features is None:
-        # JSON knows no infinity.
-        report["tolerance"] = tolerance if np.isfinite(tolerance) else None
+        report = {"method": method} | report_of(
+            pair, landmarks, weights, fit, points, wrong, stopped
+        )
+    if networks:
+        report["fallbacks"][:0] = gamma_messages(networks["cpnet"], weights)
+        if features is None:  # JSON knows no infinity
+            report["tolerance"] = tolerance if np.isfinite(tolerance) else None
+
+    # Where it is asked for: how far the points may be off.
     radius = None
     if uncertainty and not stopped:
         with stages("uncertainty"):
-            spread = uncertainty_of(pair, landmarks.problem, weights, fit)
+            spread = uncertainty_of(pair, problem, weights, fit)
             radius, report["uncertainty"] = uncertainty_report(spread, pair)
     report["seconds"] = stages.report()
-    here = pair.moving.disk
-    there = pair.control.disk
     return Registration(
-        points,
-        fit.f,
-        fit.mu,
-        report,
-        here.z,
-        there.z,
-        landmarks.lines,
-        here.faces,
-        there.faces,
-        radius,
+        points=points,
+        disk_map=fit.f,
+        mu=fit.mu,
+        report=report,
+        disk_moving=pair.moving.disk.z,
+        disk_control=pair.control.disk.z,
+        curves=landmarks.lines,
+        faces_moving=pair.moving.disk.faces,
+        faces_control=pair.control.disk.faces,
+        uncertainty=radius,
     )
 
 
-def given_curves(moving, control, curves, features, hold_out):
-    """The curves of a call, checked: those to fit and those held out."""
-    for surface in (moving, control):
-        require_disk(surface)
-        require_outward(surface)
-    checked = check_curves(curves, moving, control, int(features is None))
-    fitted, held = held_apart(checked, hold_out)
-    if not fitted and features is None:
-        raise LandmarkError("all curves are held out: leave some to be fitted, or give features")
-    return fitted, held
-
-
-def load_networks(curves, features):
-    """The networks of a registration with or without features, dict; LandmarkError without
-    curves."""
-    if not curves:
-        raise LandmarkError(
-            "method 'network' needs landmarks: CP-Net knows nothing else; give method 'exact'"
-        )
-    from ..nets import load  # here, as it needs torch
-
-    names = ("ldnet", "cpnet", "dbsnet") if features is None else ("ldnet", "cpnet")
-    return {name: load(name) for name in names}
-
-
-def fit_by_networks(networks, features, problem, weights, tolerance, stages):
-    """`certified_network_map`; with features the fit that starts from CP-Net's answer."""
-    predict = networks["cpnet"].predict
-    if features is None:
-        return certified_network_map(
-            predict, networks["dbsnet"].solve, problem, weights, tolerance, stages
-        )
-    with stages("predict"):
-        mu = predicted(predict, problem, weights)
-    with stages("map"):
-        return fit_with_fallbacks(problem, weights, mu, 0.0, features)
-
-
-def check_method(method, sliding, tolerance, features):
-    """The tolerance to use, or ValueError where method, sliding, tolerance and features do not go
-    together."""
+def check_options(method, sliding, tolerance, features, weights, delta, eta, uncertainty):
+    """The tolerance and the `Weights` to use, delta and eta those by default where they are None;
+    ValueError or LandmarkError where the options do not go together."""
     if method not in STAGES:
         raise ValueError(f"unknown method {method!r}; this version has: {', '.join(STAGES)}")
     if method == "exact" and tolerance is not None:
@@ -297,29 +248,39 @@ def check_method(method, sliding, tolerance, features):
         raise ValueError(
             f"tolerance = {tolerance}: give a positive landmark error in the unit disk, or inf"
         )
-    return tolerance
-
-
-def check_delta(delta, features, usual=DELTA_BY_DISKS):
-    """The weight of the features: delta, the usual one if it is None, or 0 without any;
-    LandmarkError where it would give them none."""
-    delta = usual if delta is None else delta
-    Weights(delta=delta)
-    if features is None:
-        return 0.0
-    if delta == 0:
-        raise LandmarkError(
-            "delta = 0: the features would take no part; leave delta out, or give features=None"
-        )
-    return delta
-
-
-def check_eta(eta, method, features):
-    """The weight of areas: eta, or ETA with features and 0 without if it is None."""
+    # Areas and features have a weight by default where features take part.
     if eta is None:
-        return ETA if features is not None else 0.0
-    if eta and method == "network" and features is None:
+        eta = ETA if features is not None else 0.0
+    elif eta and method == "network" and features is None:
         raise LandmarkError(
             f"eta = {eta:g} and the networks alone: they know no areas; give features, or eta=0"
         )
-    return eta
+    if delta is None:
+        delta = DELTA if eta else DELTA_BY_DISKS
+    weights = replace(weights, delta=delta, eta=eta)
+    if features is None:
+        weights = replace(weights, delta=0.0)
+    elif delta == 0:
+        raise LandmarkError(
+            "delta = 0: the features would take no part; leave delta out, or give features=None"
+        )
+    if uncertainty:
+        check_uncertainty(features, method, sliding, weights)
+    return tolerance, weights
+
+
+def check_landmarks(moving, control, curves, method, features, hold_out):
+    """The `Curve`s of a call: those to fit and those held out. SurfaceError unless both surfaces
+    are disks that look outward, LandmarkError where curves are wrong or missing."""
+    for surface in (moving, control):
+        require_disk(surface)
+        require_outward(surface)
+    found = check_curves(curves, moving, control, int(features is None))
+    fitted, held = held_apart(found, hold_out)
+    if not fitted and features is None:
+        raise LandmarkError("all curves are held out: leave some to be fitted, or give features")
+    if not fitted and method == "network":
+        raise LandmarkError(
+            "method 'network' needs landmarks: CP-Net knows nothing else; give method 'exact'"
+        )
+    return fitted, held

@@ -9,22 +9,29 @@ import numpy as np
 from ..plane.linear import around_vertices, face_areas
 from ..plane.mobius import mobius
 from ..surfaces.checks import degenerate_faces
-from ..surfaces.units import size_of
+from ..surfaces.units import other_units, relative_units, size_of
 from .curves import POINTS_PER_CURVE, SIDES, curve_distance, curves_in_space, sample_curve
 from .diagnose import FEWEST, align_by_folds, astray, differing_walls, disagreeing, reasons, worse
 
 # Errors of a landmark or a curve, before the fit (best Möbius map) and after it, in the disk and in
 # mm.
 ERRORS = ("landmark_error_before", "landmark_error", "landmark_error_mm")
+STOPPED = (
+    "the landmarks are wrong (see suspect), so nothing was fitted: this is the Möbius map that "
+    "aligns the ends of the curves, or the folds; features, held-out curves and the radius "
+    "were not computed; correct the landmarks, or fit them as they are by accept_suspect=True, "
+    "--accept-suspect"
+)
 SMALLEST_RATIO = 1e-6  # of a face's area to its share, where it is measured
 SMALLEST_IN_FILES = 1e-9  # of areas that coordinates of float32 bear out
 
 
-def report_of(pair, landmarks, weights, fit, points):
+def report_of(pair, landmarks, weights, fit, points, wrong, stopped):
     """The report of a registration, a dict for JSON, without method and seconds.
 
     landmarks: the pair's `SampledLandmarks`, whose `mobius_before` is the `_before` of everything;
-    points (V, 3): the moving vertices on the control.
+    points (V, 3): the moving vertices on the control; wrong: messages of `diagnose_landmarks`;
+    stopped: whether nothing was fitted because of them.
     """
     moving = pair.moving.surface
     features = pair.features
@@ -56,8 +63,13 @@ def report_of(pair, landmarks, weights, fit, points):
         name: {str(share): quantile(values, shares, share / 100) for share in (50, 95, 100)}
         for name, values in log2_stretches(moving, points).items()
     }
+
+    # What looks wrong, and what was done besides.
     held_out = held_out_distances(pair, landmarks.held, before, fit.f)
     messages = [*differing_walls(moving, pair.control.surface), *pair.messages, *landmarks.messages]
+    suspect = [*wrong, *other_units(moving=moving, control=pair.control.surface)]
+    if not stopped:
+        suspect += [*reasons(moving, rows, fit), *disagreements, *worse(held_out)]
     return {
         **means,
         **coefficient_statistics(fit.mu),
@@ -76,7 +88,9 @@ def report_of(pair, landmarks, weights, fit, points):
         "mobius": {"a": [fit.mobius[0].real, fit.mobius[0].imag], "theta": fit.mobius[1]},
         "curves": rows,
         "held_out_mm": held_out,
-        "suspect": [*reasons(moving, rows, fit), *disagreements, *worse(held_out)],
+        "suspect": suspect,
+        "stopped": STOPPED if stopped else None,
+        "units": relative_units(pair.control.surface),
         "version": version("qclearn"),
     }
 
