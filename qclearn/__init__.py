@@ -2,6 +2,8 @@
 
 import lazy_loader as lazy
 
+from .moved import GONE, gone
+
 TABLE = {
     "io.fsaverage": "demo_landmarks fsaverage5",
     "io.meshes": "read_surface write_surface",
@@ -31,4 +33,11 @@ TABLE = {
 }
 MODULES = {module: names.split() for module, names in TABLE.items()}
 
-__getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=MODULES)
+_attribute, __dir__, __all__ = lazy.attach(__name__, submod_attrs=MODULES)
+
+
+def __getattr__(name):
+    """A name of MODULES, or the line of one that went."""
+    if f"qclearn.{name}" in GONE and name not in __all__:
+        raise AttributeError(gone(f"qclearn.{name}"))
+    return _attribute(name)

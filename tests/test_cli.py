@@ -488,8 +488,8 @@ def test_a_failure_at_the_end_leaves_nothing(folder, capsys, monkeypatch):
 @pytest.mark.parametrize(
     "error, message",
     [
-        (MemoryError(), "not enough memory"),
-        (OSError(28, "No space left on device"), "out: the disk is full .*MB are free; make room"),
+        (MemoryError("Unable to allocate 9 GiB"), "^qclearn: Unable to allocate 9 GiB$"),
+        (OSError(28, "No space left on device", "out"), "No space left on device: 'out'"),
     ],
 )
 def test_what_breaks_off_a_run_is_one_line(folder, capsys, monkeypatch, error, message):

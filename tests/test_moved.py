@@ -1,13 +1,18 @@
-"""What version 0.1 called otherwise names its new name in one line."""
+"""What went answers in one line that says what stands in its place."""
 
 import pytest
 
 from qclearn.cli import main
+from qclearn.moved import GONE
+
+COMMANDS = [name for name in GONE if name.startswith(("qclearn ", "--"))]
 
 
-def test_the_old_option_names_the_new_one(capsys):
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_command_or_an_option_that_went_names_what_stands_in_its_place(name, capsys):
+    words = name.replace("FOLDER", "out").split()[1:] or ["register", "a.npz", "b.npz", name, "c", "d"]
     with pytest.raises(SystemExit) as stop:
-        main(["register", "moving.npz", "control.npz", "--out", "out", "--sure"])
-    message = capsys.readouterr().err
-    assert stop.value.code == 2 and message.count("\n") == 1
-    assert message.startswith("qclearn: --sure of version 0.1 is now --uncertainty")
+        main([*words, "--out", "page.html"])
+    line = capsys.readouterr().err
+    assert stop.value.code == 2 and line.count("\n") == 1
+    assert line.startswith(f"qclearn: {name} went with version 0.3: {GONE[name]}")

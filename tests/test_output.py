@@ -1,7 +1,7 @@
-"""The folder that a command writes: whole or absent, whenever its process is killed."""
+"""Folders that a command writes, whole or absent; its messages; where it may write."""
 
-import io
 import os
+import signal
 import subprocess
 import sys
 import warnings
@@ -9,36 +9,23 @@ from pathlib import Path
 
 import click
 import pytest
-from tqdm import tqdm
 
-from qclearn.cli.output import expanded, fail, file_to_write, output_folder, say, unfailing_streams, warn
+from qclearn import cli
+from qclearn.cli.output import expanded, file_to_write, output_folder
 
-# Runs that are killed: in the block, before the folder takes its place, and while files replace
-# those of an older run
-KILLED = """
-import os, signal, sys
-from qclearn.cli import output
+# A run that is ended in the block, by a signal that it may answer.
+ENDED = """
+import os, signal
+from qclearn.cli import cli, main
+from qclearn.cli.output import output_folder
 
-def die(*_):
-    os.kill(os.getpid(), signal.SIGKILL)
+@cli.command()
+def wait():
+    with output_folder("out") as folder:
+        (folder / "report.json").write_text("new")
+        os.kill(os.getpid(), signal.SIGTERM)
 
-def run(place, moment):
-    if moment != "block":
-        one_by_one, count = os.replace, []
-        output.os.rename = die
-        output.os.replace = lambda *ways: die() if len(count) == 2 else count.append(one_by_one(*ways))
-    with output.output_folder(place) as folder:
-        for name in ("figure.png", "registration.npz", "report.json"):
-            (folder / name).write_text("new")
-        if moment == "block":
-            die()
-
-for moment in ("block", "new", "older"):
-    process = os.fork()
-    if not process:
-        run(f"{sys.argv[1]}/{moment}/out", moment)
-        os._exit(0)
-    assert os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]) == -signal.SIGKILL, moment
+main()
 """
 
 
@@ -52,20 +39,10 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-@pytest.mark.skipif(os.name != "posix", reason="no SIGKILL")
-def test_a_killed_run_leaves_no_folder_that_looks_whole(tmp_path):
-    for moment in ("block", "new"):
-        (tmp_path / moment).mkdir()
-    write(tmp_path / "older" / "out", "notes.txt", "registration.npz", "report.json")
-    subprocess.run([sys.executable, "-c", KILLED, tmp_path], check=True)
-    for moment in ("block", "new"):
-        (leftover,) = names(tmp_path / moment)
-        assert leftover.startswith(".qclearn-")
-        write(tmp_path / moment / "out", "report.json")  # which sweeps it up
-        assert names(tmp_path / moment) == ["out"]
-    assert "report.json" not in names(tmp_path / "older" / "out")
-    write(tmp_path / "older" / "out", "registration.npz", "report.json")
-    assert names(tmp_path / "older" / "out") == ["figure.png", "notes.txt", "registration.npz", "report.json"]
+@pytest.mark.skipif(os.name != "posix", reason="no SIGTERM")
+def test_a_run_that_is_ended_leaves_nothing(tmp_path):
+    ended = subprocess.run([sys.executable, "-c", ENDED, "wait"], cwd=tmp_path, check=False)
+    assert ended.returncode == 128 + signal.SIGTERM and not list(tmp_path.iterdir())
 
 
 def test_a_folder_that_is_there_keeps_what_is_not_of_the_run(tmp_path):
@@ -83,52 +60,13 @@ def test_a_new_folder_has_the_permissions_of_any_other(tmp_path):
 # Messages
 
 
-def full_disk():
-    return open("/dev/full", "w")
-
-
-def gone_reader():
-    reader, writer = os.pipe()
-    os.close(reader)
-    return open(writer, "w")
-
-
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no full disk")
-@pytest.mark.parametrize("end", [full_disk, gone_reader])
-def test_the_exit_code_does_not_depend_on_who_listens(monkeypatch, end):
-    with end() as out, end() as err:
-        monkeypatch.setattr(sys, "stdout", out)
-        monkeypatch.setattr(sys, "stderr", err)
-        with pytest.raises(SystemExit) as stop, unfailing_streams():
-            for number in tqdm(range(2), mininterval=0):
-                say(f"written {number}" * 9999)
-            fail("suspect", 3)
-        assert stop.value.code == 3
-        out.flush()  # as Python does at its end
-
-
-@pytest.mark.parametrize("encoding", ["cp932", "gbk", "cp1251", "ascii"])
-def test_letters_that_an_encoding_lacks_are_escaped(monkeypatch, encoding):
-    data = io.BytesIO()
-    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(data, encoding))
-    with unfailing_streams():
-        say("M\xf6bius \u2212 \udcfc")
-    assert data.getvalue().startswith(rb"M\xf6bius")
-
-
-def test_streams_that_are_not_there_are_none(monkeypatch):
-    monkeypatch.setattr(sys, "stdout", None)
-    monkeypatch.setattr(sys, "stderr", None)
-    with unfailing_streams():
-        say("to nobody")
-        warn("to nobody")
-    assert sys.stdout is None
-
-
-def test_a_warning_is_one_line(capsys):
-    with unfailing_streams():
+def test_a_warning_is_one_line(monkeypatch, capsys):
+    def warned(*_, **__):
         warnings.simplefilter("always")
         warnings.warn("left\nout", stacklevel=1)
+
+    monkeypatch.setattr(cli.cli, "main", warned)
+    cli.main([])
     assert capsys.readouterr().err == "qclearn: left out\n"
 
 

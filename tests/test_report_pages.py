@@ -1,7 +1,6 @@
 """Pages on finished registrations: what they say is the report's and the map's, and what is not
 whole is refused."""
 
-import csv
 import json
 import re
 
@@ -14,9 +13,8 @@ from qclearn.cli import main
 from qclearn.io.mapfile import write_registration
 from qclearn.io.meshes import write_surface
 from qclearn.plane.disk import Disk
-from qclearn.reports import write_group, write_pair
+from qclearn.reports import write_pair
 from qclearn.reports.finished import FinishedRegistration, ReportError, read_finished
-from qclearn.reports.group import FEWEST, MEASURES, Subject, address_of, scored
 from qclearn.reports.render import write_text
 from qclearn.reports.views import InflatedView, curvature_scale, decimated
 from qclearn.surfaces.conformal import disk_conformal_map
@@ -167,66 +165,6 @@ def test_the_page_forbids_itself_the_network(runs):
     assert "default-src 'none'; img-src data:" in (runs / "one" / "report.html").read_text()
 
 
-# The page of a group
-
-
-def table(path):
-    assert path.read_bytes().startswith(b"\xef\xbb\xbf")  # by which Excel knows its letters
-    return list(csv.DictReader(path.read_text("utf-8-sig").splitlines()))
-
-
-def test_a_group_is_sorted_worst_first_and_its_csv_has_the_reports_figures(runs, tmp_path):
-    folders = [runs / name for name in ("one", "two", "six")]
-    run("report", *folders, "--out", tmp_path / "group.html")
-    rows = table(tmp_path / "group.csv")
-    assert [sign_of(row) for row in rows] == sorted(map(sign_of, rows), reverse=True)
-    for row in rows:
-        report = json.loads((runs / row["subject"] / "report.json").read_text())
-        wanted = [*report["r"]["curvature"], report["log2_area"][1], report["flipped"]]
-        found = [float(row[key]) for key in ("r_before", "r_after", "log2_area_95", "flipped")]
-        np.testing.assert_allclose(found, wanted, rtol=1e-5)
-        held = np.mean(list(report["held_out_mm"].values()), axis=0)[1] if report["held_out_mm"] else None
-        assert row["held_out_after_mm"] == ("" if held is None else f"{held:.6g}")
-        assert row["suspect"] == "; ".join(report["suspect"])
-    r = np.array([float(row["r_after"]) for row in rows])
-    sound = r[[row["state"] != "bad" for row in rows]]
-    sound = sound if len(sound) >= FEWEST else r
-    z = (r - sound.mean()) / sound.std(ddof=1)
-    np.testing.assert_allclose([float(row["z_r_after"]) for row in rows], z, rtol=1e-4)
-    page = (tmp_path / "group.html").read_text()
-    assert [page.index(f">{row['subject']}<") for row in rows] == sorted(
-        page.index(f">{row['subject']}<") for row in rows
-    )
-    assert len(page.encode()) < 2e6 and page.count('href="') == 2 and 'href="group.csv"' in page
-    assert re.search(r'href="[./\w-]*/one/report.html"', page)  # the others have no page of their own
-
-
-def sign_of(row):
-    """What a group is sorted by, greatest first."""
-    z = [sign * float(row[f"z_{key}"]) for key, (_, sign) in MEASURES.items() if row[f"z_{key}"]]
-    return row["state"] == "bad", max(z)
-
-
-def subject(name, figures):
-    return Subject(name, None, figures, [])
-
-
-def test_lower_r_is_worse_and_larger_distortion_is_worse():
-    usual = {"r_after": 0.8, "held_out_after_mm": np.nan, "log2_area_95": 1.0, "mu_95": 0.3, "flipped": 0}
-    subjects = [subject(f"good {k}", usual | {"r_after": 0.8 + 0.001 * k}) for k in range(9)]
-    subjects += [subject("low", usual | {"r_after": 0.2}), subject("high", usual | {"mu_95": 0.9})]
-    states = {one.name: one.state for one in scored(subjects)}
-    assert {name for name, state in states.items() if state == "odd"} == {"low", "high"}
-    better = [subject(f"usual {k}", usual | {"r_after": 0.5 + 0.001 * k}) for k in range(9)]
-    better += [subject("above", usual | {"r_after": 0.9, "mu_95": 0.1})]
-    assert {one.name: one.state for one in scored(better)}["above"] == "good"
-    folded = subject("folded", usual | {"mu_95": 50.0, "flipped": 9})  # must not widen what counts as usual
-    hidden = [*subjects, folded]
-    assert {one.name for one in scored(hidden) if one.state == "odd"} == {"low", "high"}
-    flipped = scored([subject("flipped", usual | {"flipped": 1})])
-    assert [one.state for one in flipped] == ["bad"]
-
-
 # What is refused
 
 
@@ -260,34 +198,6 @@ def test_another_json_is_refused(tmp_path, runs, content, message):
         write_pair(folder, tmp_path / "page.html")
 
 
-def test_a_group_on_two_controls_is_refused(tmp_path, runs):
-    other = np.load(runs / "two" / "registration.npz")["vertices_control"] * [1, 1, 1.01]
-    folder = copied(runs, "two", tmp_path, vertices_control=other.astype("f4"))
-    with pytest.raises(ReportError, match="two: its control is not that of .*one; give folders of one control"):
-        write_group([runs / "one", folder], tmp_path / "group.html")
-    assert not list(tmp_path.glob("group.*"))
-
-
-@pytest.mark.parametrize("how", ["link", "path", "content"])
-def test_a_subject_counts_once(tmp_path, runs, how, monkeypatch):
-    monkeypatch.chdir(runs)
-    again = {"link": tmp_path / "two", "path": "./six/../one", "content": None}[how]
-    if how == "link":
-        again.symlink_to(runs / "one")
-    again = again or copied(runs, "one", tmp_path)
-    with pytest.raises(ReportError, match="its subject is that of one; a group counts each subject once"):
-        write_group(["one", again], tmp_path / "group.html")
-    assert not list(tmp_path.glob("group.*"))
-
-
-def test_links_lead_into_folders_of_any_name(tmp_path):
-    """A browser reads #, ? and % in an address in its own way."""
-    page = tmp_path / "50% #1?" / "M\udcfcller" / "report.html"
-    page.parent.mkdir(parents=True)
-    page.touch()
-    assert address_of(page, tmp_path / "group.html") == "50%25%20%231%3F/M%FCller/report.html"
-
-
 def test_a_page_of_names_that_are_no_utf8_is_utf8(tmp_path):
     write_text(tmp_path / "page.html", "M\udcfcller \x1b[31m\ttab")
     assert (tmp_path / "page.html").read_text("utf-8") == "M\\udcfcller \\x1b[31m\ttab"
@@ -295,7 +205,7 @@ def test_a_page_of_names_that_are_no_utf8_is_utf8(tmp_path):
 
 def test_a_bad_call_is_one_line_and_exit_code_2(tmp_path, runs, capsys):
     for arguments, message in (
-        ([runs / "one", runs / "one", "--out", tmp_path / "a.html"], "one: given twice"),
+        ([runs / "one", runs / "two", "--out", tmp_path / "a.html"], "three lines of pandas"),
         ([runs / "one", "--out", tmp_path / "a.pdf"], "a.pdf: give a name that ends in .html"),
         ([runs / "one", "--out", tmp_path / "none" / "a.html"], "a.html: cannot be written"),
         ([tmp_path, "--out", tmp_path / "a.html"], "has no registration.npz"),

@@ -1,4 +1,4 @@
-"""Weights and features from the options of `qclearn register`."""
+"""Units and features from the options of `qclearn register`."""
 
 from pathlib import Path
 
@@ -21,15 +21,15 @@ merge_option = click.option(
 )
 
 
-def given_features(pair, files, none, delta):
+def given_features(sides, files, none, delta):
     """Features of the options --feature and --no-features; by default the folds."""
     for option, used in (("--feature", files), ("--delta", delta is not None)):
         if used and none:
             raise FeatureError(f"{option} and --no-features exclude each other; drop one")
-    return None if none else [given_feature(pair, *names) for names in files] or FOLDS
+    return None if none else [given_feature(sides, *names) for names in files] or FOLDS
 
 
-def given_feature(pair, moving, control):
+def given_feature(sides, moving, control):
     """A `Feature` from two files, or a name of FOLDS given twice, with the weight behind the colon."""
     path, colon, weight = control.rpartition(":")
     try:
@@ -38,7 +38,7 @@ def given_feature(pair, moving, control):
         weight = 1.0
     if moving == control and moving in FOLDS:
         return moving, weight
-    values = feature_of(pair.moving, moving), feature_of(pair.control, control)
+    values = feature_of(sides["moving"], moving), feature_of(sides["control"], control)
     return Feature(Path(moving).name, *values), weight
 
 

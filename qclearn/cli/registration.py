@@ -2,26 +2,23 @@
 
 import json
 import time
-from dataclasses import dataclass, replace
-from functools import cached_property
 
 import click
 import numpy as np
 
 import qclearn as qc
 
-from ..io.hemisphere import Hemisphere, read_hemisphere
+from ..io.hemisphere import read_hemisphere
 from ..io.mapfile import side_arrays, write_registration
 from ..io.provenance import origin
 from ..io.safe import printable
 from ..registration.curves import curves_of_both, on_cut_surfaces, read_landmarks
 from ..registration.problem import DELTA, DELTA_BY_DISKS, ETA, Weights
-from ..registration.register import Stages
 from ..registration.register import register as run_registration
 from .given import given_features, merge_option, units_option
 from .output import fail, output_folder
 from .sphere import FILES as SPHERES
-from .sphere import ControlSphere, sphere_of, write_sphere
+from .sphere import sphere_of, write_sphere
 
 # The arrays of a `Registration` that registration.npz holds.
 MAPS = ["points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving", "faces_control"]
@@ -31,12 +28,6 @@ accept_suspect_option = click.option(
     "--accept-suspect", is_flag=True, help="Also fit wrong landmarks; exit code 0 if suspect."
 )
 report_option = click.option("--report", is_flag=True, help="Also write the page report.html.")
-
-
-def refuse_sure(context, parameter, value):
-    """Refuse the name that --uncertainty had in version 0.1."""
-    if value:
-        raise click.UsageError("--sure of version 0.1 is now --uncertainty")
 
 
 @click.command()
@@ -79,15 +70,15 @@ def refuse_sure(context, parameter, value):
 @click.option("--no-landmarks", is_flag=True, help="Features alone.")
 @click.option("--hold-out", multiple=True, metavar="NAME", help="Measure a curve, do not fit it.")
 @click.option("--uncertainty", is_flag=True, help=f"Also write {UNCERTAINTY}: the 90 % radius, mm.")
-@click.option("--sure", is_flag=True, hidden=True, expose_value=False, callback=refuse_sure)
 @click.option("--sliding", is_flag=True, help="Let inner points slide along their target curves.")
 @click.option("--mirror", is_flag=True, help="Mirror the moving surface first (right onto left).")
 @report_option
 @click.option("--sphere", metavar="FILE", help="The control's; also do `qclearn sphere`.")
 @accept_suspect_option
 def register(
-    moving, control, cortex, control_cortex, units, merge, landmarks, out, mirror, sphere, **options
-):
+    moving, control, cortex, control_cortex, units, merge, landmarks, out, given, no_features,
+    no_landmarks, mirror, sphere, **options,
+):  # fmt: skip
     """Register MOVING to CONTROL by folds and landmark curves; write a certified map.
 
     Each of the two is a surface file, or fsaverage5:left or fsaverage5:right. Landmarks and
@@ -119,17 +110,21 @@ def register(
       worse:       a held-out curve fits clearly worse than after the best Möbius map
       units:       a surface has the length of a hemisphere in metres or micrometres: give --units
     """
-    # What is left in options after this goes straight to `qclearn.register`, under its names.
-    no_features, no_landmarks = (options.pop(name) for name in ("no_features", "no_landmarks"))
+    # What is left in options goes straight to `qclearn.register`, under its names.
     if no_landmarks and landmarks:
         raise qc.LandmarkError("--landmarks and --no-landmarks exclude each other; drop one")
-    files = (moving, cortex), (control, control_cortex)
-    hemispheres = [read_hemisphere(*names, units, merge) for names in files]
-    pair = Pair(*hemispheres, mirror)
-    pair = replace(pair, sphere=sphere and sphere_of(pair, sphere))
-    features = given_features(pair, options.pop("given"), no_features, options["delta"])
-    curves = [] if no_landmarks else curves_to_fit(pair, features, landmarks)
-    register_into(out, pair, curves, features=features, **options)
+    files = {"moving": (moving, cortex), "control": (control, control_cortex)}
+    sides = {side: read_hemisphere(*names, units, merge) for side, names in files.items()}
+    sphere = sphere and sphere_of(sides, sphere)
+    features = given_features(sides, given, no_features, options["delta"])
+    curves = read_landmarks(landmarks) if landmarks else {"curves": []}
+    if not landmarks and not no_landmarks:
+        curves["curves"] = curves_of_both(*(one.cut_surface for one in sides.values()))
+        if not curves["curves"] and features is None:
+            raise qc.LandmarkError(
+                "the surfaces share no curve names (curve_<name> in their npz files); give --landmarks"
+            )
+    register_into(out, sides, mirror, curves, sphere, features=features, **options)
 
 
 @click.command()
@@ -143,123 +138,102 @@ def demo(out, **options):
     """
     landmarks = qc.demo_landmarks()
     hold_out = [curve["name"] for curve in landmarks["curves"][1::2]]
-    moving, control = (read_hemisphere(f"fsaverage5:{side}").cut for side in ("right", "left"))
-    pair = Pair(moving, control, mirrored=True)
-    register_into(out, pair, landmarks, hold_out=hold_out, **options)
+    names = {"moving": "fsaverage5:right", "control": "fsaverage5:left"}
+    sides = {side: read_hemisphere(name).cut for side, name in names.items()}
+    register_into(out, sides, True, landmarks, hold_out=hold_out, **options)
 
 
-@dataclass(frozen=True, eq=False)
-class Pair:
-    """The two `Hemisphere`s of a call; mirrored: whether the moving one is mirrored first.
+def register_into(out, sides, mirrored, curves, sphere=None, *, report, accept_suspect, **options):
+    """Register two `Hemisphere`s, dict side -> one, write the files, print the report; exit code 3
+    if it is suspect.
 
-    sphere: the control's sphere, None where none is wanted.
-    """
-
-    moving: Hemisphere
-    control: Hemisphere
-    mirrored: bool
-    sphere: ControlSphere | None = None
-
-    @cached_property
-    def cut_surfaces(self):
-        """The moving and the control surface as they are registered."""
-        moving = self.moving.cut_surface
-        return qc.mirror(moving) if self.mirrored else moving, self.control.cut_surface
-
-    @property
-    def given(self):
-        """Side -> `Hemisphere`."""
-        return {"moving": self.moving, "control": self.control}
-
-    @property
-    def wrong_hemisphere(self):
-        """A list with the message `mirror:` where the files' hemispheres contradict --mirror."""
-        one, other = (side.frame.side for side in self.given.values())
-        if None in (one, other) or (one != other) == self.mirrored:
-            return []
-        return [
-            f"mirror: {self.moving.path} is a {one} and {self.control.path} a {other} hemisphere "
-            f"by their names or metadata; {'leave --mirror out' if self.mirrored else 'give --mirror'}, "
-            "or name the files for what they hold"
-        ]
-
-    @property
-    def arrays(self):
-        """What registration.npz says of the surfaces."""
-        sides = side_arrays("moving", self.cut_surfaces[0], self.moving.frame)
-        sides |= side_arrays("control", self.cut_surfaces[1], self.control.frame)
-        return sides | {"mirrored": np.array(self.mirrored)}
-
-
-def register_into(out, pair, curves, report, accept_suspect, **options):
-    """Register a `Pair`, write the files, print the report; exit code 3 if it is suspect.
-
-    report: also write the page. options: go straight to `qclearn.register`, under its names.
+    mirrored: whether the moving one is mirrored first; curves: with the numbers of the surfaces as
+    given; sphere: the control's `ControlSphere`, or None; report: also write the page. options: go
+    straight to `qclearn.register`, under its names.
     """
     from ..plot import registration_figure
 
-    command = click.get_current_context().obj
-    stages = Stages(2, False)
-    read_seconds = time.perf_counter() - command.begun
+    words, begun = click.get_current_context().obj
+    moving, control = (one.cut_surface for one in sides.values())
+    moving = qc.mirror(moving) if mirrored else moving
+    seconds = {"read": time.perf_counter() - begun}
     with output_folder(out, instead=["report.html", UNCERTAINTY, *SPHERES]) as folder:
         result = run_registration(
-            *pair.cut_surfaces,
-            on_cut_surfaces(curves, pair.given),
+            moving,
+            control,
+            on_cut_surfaces(curves, sides),
             progress=True,
             accept_suspect=accept_suspect,
             **options,
         )
-        with stages("figure"):
-            registration_figure(result, *pair.cut_surfaces).savefig(folder / "figure.png", dpi=150)
-        with stages("write"):
-            sphere_line = write_maps(folder, result, pair)
-            contents = full_report(result, pair, curves, command)
-        seconds = {"read": round(read_seconds, 4), **contents["seconds"], **stages.seconds}
+        seconds |= result.report["seconds"]
         del seconds["total"]  # of `run_registration` alone
-        total = round(time.perf_counter() - command.begun, 4)
-        contents["seconds"] = {**seconds, "total": total}
+
+        start = time.perf_counter()
+        registration_figure(result, moving, control).savefig(folder / "figure.png", dpi=150)
+        seconds["figure"] = time.perf_counter() - start
+
+        # The maps, with what leads back from the disks to the files of both surfaces.
+        start = time.perf_counter()
+        arrays = {name: getattr(result, name) for name in MAPS} | {"mirrored": np.array(mirrored)}
+        for side, surface in (("moving", moving), ("control", control)):
+            arrays |= side_arrays(side, surface, sides[side].frame)
+        write_registration(folder / "registration.npz", arrays)
+        qc.write_surface(
+            folder / "registered.surf.gii", result.surface, frame=sides["control"].frame
+        )
+        on_sphere = sphere and write_sphere(folder, arrays, sphere)
+
+        # The hemispheres that files name outrank what the folds suggest.
+        wrong = wrong_hemisphere(sides, mirrored)
+        suspect = [
+            reason
+            for reason in result.report["suspect"]
+            if not (wrong and reason.startswith("mirror:"))
+        ]
+        inputs = {side: (one.path, one.given) for side, one in sides.items()}
+        contents = result.report | {"suspect": [*wrong, *suspect]} | origin(inputs, curves, words)
+        if result.uncertainty is not None:
+            write_uncertainty(folder, result, contents, sides["moving"])
+
+        seconds["write"] = time.perf_counter() - start
+        seconds["total"] = time.perf_counter() - begun
+        contents["seconds"] = {stage: round(lasted, 4) for stage, lasted in seconds.items()}
         (folder / "report.json").write_text(json.dumps(contents, indent=2) + "\n")
         if report:
             from ..reports import write_pair
 
             write_pair(folder, folder / "report.html")
     print_report(contents, out)
-    if sphere_line:
-        print(f"{'sphere':15s} {sphere_line}")
+    if on_sphere:
+        print(f"{'sphere':15s} {on_sphere}")
     if contents["suspect"]:
         fail("suspect: " + "; ".join(contents["suspect"]), 0 if accept_suspect else 3)
 
 
-def write_maps(folder, result, pair):
-    """Write the maps of a `Registration`; a line on its sphere, or None without one."""
-    arrays = {name: getattr(result, name) for name in MAPS} | pair.arrays
-    write_registration(folder / "registration.npz", arrays)
-    qc.write_surface(folder / "registered.surf.gii", result.surface, frame=pair.control.frame)
-    if result.uncertainty is not None:
-        numbering = pair.moving.numbering
-        radius = result.uncertainty.astype(np.float32)
-        whole = numbering.on_whole(radius, np.nan) if numbering.known else radius
-        name = "radius of 90 %, mm"
-        qc.write_values(folder / UNCERTAINTY, whole, pair.moving.frame.side, names=[name])
-    return pair.sphere and write_sphere(folder, arrays, pair.sphere)
+def wrong_hemisphere(sides, mirrored):
+    """A list with the message `mirror:` where the files' hemispheres contradict --mirror."""
+    one, other = (side.frame.side for side in sides.values())
+    if None in (one, other) or (one != other) == mirrored:
+        return []
+    moving, control = (side.path for side in sides.values())
+    return [
+        f"mirror: {moving} is a {one} and {control} a {other} hemisphere by their names or "
+        f"metadata; {'leave --mirror out' if mirrored else 'give --mirror'}, or name the files for "
+        "what they hold"
+    ]
 
 
-def full_report(result, pair, curves, command):
-    """The report of a `Registration` with its origin, dict for JSON.
-
-    The hemispheres that files name outrank what the folds suggest. Vertices have the numbers of
-    the surface as given.
-    """
-    wrong = pair.wrong_hemisphere
-    reasons = result.report["suspect"]
-    reasons = [reason for reason in reasons if not (wrong and reason.startswith("mirror:"))]
-    inputs = {side: (one.path, one.given) for side, one in pair.given.items()}
-    report = result.report | {"suspect": [*wrong, *reasons]} | origin(inputs, curves, command)
-    if result.uncertainty is not None and pair.moving.is_whole:
+def write_uncertainty(folder, result, report, moving):
+    """Write the radii of a `Registration`, and give the next landmark the whole surface's number."""
+    numbering = moving.numbering
+    radius = result.uncertainty.astype(np.float32)
+    radius = numbering.on_whole(radius, np.nan) if numbering.known else radius
+    qc.write_values(folder / UNCERTAINTY, radius, moving.frame.side, names=["radius of 90 %, mm"])
+    if moving.is_whole:
         following = report["uncertainty"]["next"]
-        vertex = int(pair.moving.numbering.table[following["vertex"]])
+        vertex = int(numbering.table[following["vertex"]])
         report["uncertainty"] = report["uncertainty"] | {"next": following | {"vertex": vertex}}
-    return report
 
 
 def print_report(report, out):
@@ -297,15 +271,3 @@ def print_report(report, out):
     line("suspect", "; ".join(reason.split(":")[0] for reason in report["suspect"]) or "no")
     line("seconds", f"{report['seconds']['total']:.1f}")
     line("written to", out)
-
-
-def curves_to_fit(pair, features, path):
-    """The curves of a landmarks file; without one, those that both npz surfaces carry, or none."""
-    if path:
-        return read_landmarks(path)
-    curves = curves_of_both(pair.moving.cut_surface, pair.control.cut_surface)
-    if not curves and features is None:
-        raise qc.LandmarkError(
-            "the surfaces share no curve names (curve_<name> in their npz files); give --landmarks"
-        )
-    return {"curves": curves}

@@ -90,12 +90,13 @@ def read_sphere(path, faces, side):
     return ControlSphere(surface, own or side)
 
 
-def sphere_of(pair, path):
-    """The `ControlSphere` for a pair of hemispheres that will be registered."""
-    for side, one in pair.given.items():
+def sphere_of(sides, path):
+    """The `ControlSphere` for two `Hemisphere`s, dict side -> one, that will be registered."""
+    for side, one in sides.items():
         with naming(one.path):
             require_whole(side, one.cut_surface.original_vertices, one.frame.whole)
-    return read_sphere(path, pair.control.frame.whole, pair.control.frame.side)
+    frame = sides["control"].frame
+    return read_sphere(path, frame.whole, frame.side)
 
 
 def write_sphere(folder, arrays, given):

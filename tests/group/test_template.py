@@ -3,7 +3,6 @@ resumed where stopped."""
 
 import json
 import shutil
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,7 +11,6 @@ from distributed import Client, LocalCluster
 
 import qclearn as qc
 from exactmaps import twist
-from qclearn.cli import main
 from qclearn.group import subject as of
 from qclearn.group.members import members_of
 from qclearn.group.rounds import Folder, Group
@@ -276,66 +274,3 @@ def test_the_folder_of_another_run_and_one_that_cannot_be_written_are_refused(fo
 
 
 # The command
-
-
-def test_the_command_writes_what_the_others_read(tmp_path, capsys):
-    paths = [str(tmp_path / f"{name}.npz") for name in list(SURFACES)[:2]]
-    for path, surface in zip(paths, SURFACES.values()):
-        qc.write_surface(path, surface)
-    main(["template", *paths, "--out", str(tmp_path / "out"), "--rounds", "0", "--workers", "1"])
-    told = capsys.readouterr().out
-    assert "it still moves: give more --rounds" in told and "r(depth)" in told
-    report = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert sorted(report["files"]) == sorted(paths) and report["features"] == ["depth", "curvature"]
-    with np.load(tmp_path / "out" / "template.npz") as made:
-        assert set(made) == {"vertices", "faces", "disk", "map_depth", "map_curvature"}
-    np.save(tmp_path / "values.npy", np.linspace(0, 1, len(SURFACES["bowl 0"].vertices)))
-    file = str(tmp_path / "out" / report["files"][paths[0]])
-    main(["transfer", file, str(tmp_path / "values.npy"), "--to", "control", "--out", str(tmp_path / "there.npy")])
-    assert len(np.load(tmp_path / "there.npy")) == len(made_vertices(tmp_path))
-
-
-def made_vertices(folder):
-    with np.load(folder / "out" / "template.npz") as made:
-        return made["vertices"]
-
-
-def written(folder, **traits):
-    """Files of two bowls, with what each says of itself."""
-    for k, surface in enumerate(SOME[:2]):
-        own = {name: values[k] for name, values in traits.items()}
-        np.savez(folder / f"{k}.npz", vertices=surface.vertices, faces=surface.faces, **own)
-    return [str(folder / f"{k}.npz") for k in range(2)]
-
-
-def test_the_command_names_who_is_left_out(found, tmp_path, monkeypatch, capsys):
-    paths = written(tmp_path)
-    doubted = replace(found, disk_maps={}, left_out={paths[1]: ["features: hardly agree"]})
-    monkeypatch.setattr(qc, "template", lambda *_, **__: doubted)
-    with pytest.raises(SystemExit) as stop:
-        main(["template", *paths, "--out", str(tmp_path / "out")])
-    assert stop.value.code == 3
-    assert capsys.readouterr().err == f"qclearn: left out: {paths[1]}: features: hardly agree\n"
-    assert json.loads((tmp_path / "out" / "report.json").read_text())["files"] == {}
-
-
-@pytest.mark.parametrize(
-    "traits, options, words",
-    [
-        ({"generation": (2, 3)}, [], "subjects of more than one generation"),
-        ({"hemisphere": ("left", "right")}, [], "subjects of more than one hemisphere"),
-        ({"hemisphere": ("left", "left")}, ["--mirror", "0.npz"], "subjects of more than one hemisphere"),
-        ({}, ["--mirror", "lh.pial"], "--mirror lh.pial: not one of the subjects"),
-        ({}, ["0.npz"], "0.npz: a subject is given twice"),
-        ({}, ["./0.npz"], "0.npz and ./0.npz are one surface"),
-        ({}, ["--out", "0.npz/out"], "0.npz/out: not a folder that can be written to"),
-        ({}, ["--rounds", "-1"], "-1 rounds"),
-    ],
-)
-def test_what_the_command_refuses(traits, options, words, tmp_path, monkeypatch, capsys):
-    written(tmp_path, **traits)
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as stop:
-        main(["template", "0.npz", "1.npz", "--out", "out", *options])
-    assert stop.value.code == 2 and words in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()

@@ -204,14 +204,11 @@ def test_a_small_mesh_is_told_to_be_uncalibrated():
 
 
 @pytest.mark.parametrize("whole", [True, False])
-def test_the_advised_vertex_is_told_in_the_numbers_of_the_surface_as_given(whole, monkeypatch):
-    monkeypatch.setattr(registration, "origin", lambda *given: {})
+def test_the_advised_vertex_is_told_in_the_numbers_of_the_surface_as_given(whole, tmp_path):
     side = read_hemisphere("fsaverage5:left")
-    pair = registration.Pair(side if whole else side.cut, side.cut, mirrored=False)
-    result = SimpleNamespace(
-        uncertainty=np.ones(1), report={"suspect": [], "uncertainty": {"next": {"vertex": 5_000, "mean_mm": 1.0}}}
-    )
-    told = registration.full_report(result, pair, {"curves": []}, "")["uncertainty"]["next"]["vertex"]
+    result = SimpleNamespace(uncertainty=np.ones(len(side.cut_surface.vertices)))
+    report = {"uncertainty": {"next": {"vertex": 5_000, "mean_mm": 1.0}}}
+    registration.write_uncertainty(tmp_path, result, report, side if whole else side.cut)
     surface = side.given if whole else side.cut_surface
+    told = report["uncertainty"]["next"]["vertex"]
     np.testing.assert_allclose(surface.vertices[told], side.cut_surface.vertices[5_000])
-    assert result.report["uncertainty"]["next"]["vertex"] == 5_000

@@ -28,8 +28,7 @@ def pages(tmp_path_factory):
     (folder / "east.json").write_text(json.dumps({"curves": TURNED}))
     write_surface(folder / "one.npz", bowl(0.6, lean=0.3))
     words = ["register", folder / "one.npz", folder / "control.npz", "--landmarks", folder / "east.json"]
-    run(*words, "--no-features", "--out", folder / "one")
-    run("report", folder / "one", "--out", folder / "one" / "report.html")
+    run(*words, "--no-features", "--report", "--out", folder / "one")
     patch.undo()
     return folder
 

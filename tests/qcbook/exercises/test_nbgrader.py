@@ -15,7 +15,6 @@ import pytest
 from book.builder import course
 from book.builder.graded import EXERCISES
 from book.builder.references import markdown_of
-from qclearn.cli import main
 
 EXERCISE, OTHER = EXERCISES["alpha-signs"], EXERCISES["accept-fold"]
 MISTAKE = "sign of alpha_2"
@@ -142,13 +141,6 @@ def test_a_release_that_students_have_handed_in_keeps_its_cells(graded):
     course.write([OTHER.name], "week1", folder)
     with pytest.raises(SystemExit, match="Cannot add or remove cells"):
         course.release("week1", folder)
-
-
-def test_the_command_of_version_01_names_nbgrader(capsys):
-    with pytest.raises(SystemExit) as stop:
-        main(["grade", "handed-in", "--seed", "7"])
-    (line,) = capsys.readouterr().err.splitlines()
-    assert stop.value.code == 2 and "nbgrader" in line and "book/teaching.md" in line
 
 
 @pytest.mark.parametrize(
