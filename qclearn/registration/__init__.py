@@ -14,8 +14,7 @@
 - report: errors, distortion, held-out curves.
 - uncertainty: the error radius.
 
-Beside it: transfer (values carried), and
-landmark_sources (curves of `qclearn landmarks`).
+Beside it: transfer (values carried).
 """
 
 import lazy_loader as lazy

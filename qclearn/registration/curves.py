@@ -1,10 +1,6 @@
-"""Landmark curves: sampled by arc length, detected between endpoints, read from a landmarks file or
-a table of points."""
+"""Landmark curves: sampled by arc length, detected between endpoints, read from a landmarks file."""
 
-import csv
-import io
 import json
-from collections import defaultdict
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -17,11 +13,9 @@ from numpy import ndarray
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
-from ..io.frames import TKR
 from ..io.safe import NOT_PLAIN, is_plain_name, read_bytes
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import Mesh, Surface, SurfaceError
-from ..surfaces.units import UNITS, size_of
 from .problem import LandmarkError
 
 SIDES = ("moving", "control")
@@ -90,15 +84,26 @@ def curves_of_both(moving, control):
 def resample(surface, corners, count=10):
     """Equally spaced points by arc length in space on the polyline through `corners @ vertices`:
     sparse (count, V)."""
-    lengths = np.linalg.norm(np.diff(corners @ surface.vertices, axis=0), axis=1)
-    along = np.concatenate([[0.0], np.cumsum(lengths)])
-    if not along[-1] > 0:
+    points = corners @ surface.vertices
+    if not np.ptp(points, axis=0).max() > 0:
         raise LandmarkError("a curve has no length: its points coincide; give its endpoints apart")
+    return equally_spaced(points, count) @ corners
+
+
+def equally_spaced(points, count):
+    """Sparse (count, k): data at equally spaced points by arc length on the polyline through points
+    (k, 3), its ends included, from data at these."""
+    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(lengths)])
     wanted = np.linspace(0, along[-1], count)
     segment = np.clip(np.searchsorted(along, wanted, side="right") - 1, 0, len(lengths) - 1)
-    # Clipped, as the last one may exceed 1 by rounding.
-    share = sparse.diags_array(np.clip((wanted - along[segment]) / lengths[segment], 0, 1))
-    return (corners[segment] + share @ (corners[segment + 1] - corners[segment])).tocsr()
+    # The last one may exceed 1 by rounding, and the last segment have no length.
+    share = (wanted - along[segment]) / np.maximum(lengths[segment], np.finfo(float).tiny)
+    share = np.clip(share, 0, 1)
+    rows = np.repeat(np.arange(count), 2)
+    columns = np.stack([segment, segment + 1], axis=1).ravel()
+    weights = np.stack([1 - share, share], axis=1).ravel()
+    return sparse.csr_array((weights, (rows, columns)), shape=(count, len(points)))
 
 
 def check_path(surface, path):
@@ -166,11 +171,7 @@ def fundus_path(
     check_path(surface, np.array([start, end]))
     graph = edge_graph(surface, fundus_metric(surface) if metric is None else metric)
     _, previous = dijkstra(graph, directed=False, indices=int(start), return_predecessors=True)
-    return walk_back(previous, end)
-
-
-def walk_back(previous, end):
-    """The vertices from the start of `dijkstra`'s tree of predecessors (V,) to `end`."""
+    # From the end back along the tree of predecessors.
     path = [int(end)]
     while previous[path[-1]] >= 0:
         path.append(int(previous[path[-1]]))
@@ -193,13 +194,7 @@ def curves_in_space(side, curves):
     fine = [fill(np.asarray(curve, complex), SAMPLES) for curve in curves]
     stops = np.cumsum([len(part) for part in fine])[:-1]
     points = side.lift(np.concatenate(fine))
-    return [_equally_spaced(part) for part in np.split(points, stops)]
-
-
-def _equally_spaced(points):
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    wanted = np.linspace(0, along[-1], SAMPLES)
-    return np.stack([np.interp(wanted, along, column) for column in points.T], axis=1)
+    return [equally_spaced(part, SAMPLES) @ part for part in np.split(points, stops)]
 
 
 def curve_distance(one, other):
@@ -212,9 +207,6 @@ def curve_distance(one, other):
 
 FORMAT = "see 'Files, formats and exit codes' in the book"
 CURVE_KEYS = {"name", "moving", "control", "detect", "hold_out"}
-# Lists and objects. Where a program has raised Python's limit of recursion, json.loads goes on
-# until the stack ends.
-MOST_NESTED = 64
 
 
 def read_landmarks(path):
@@ -224,11 +216,9 @@ def read_landmarks(path):
         data = read_bytes(Path(path))
     except SurfaceError as error:
         raise LandmarkError(str(error)) from None
-    if nesting(data) > MOST_NESTED:
-        raise LandmarkError(f"{path}: lists nested too deeply; {FORMAT}")
     try:
         contents = json.loads(data.decode("utf-8-sig"))  # Windows puts a byte order mark before it
-    except ValueError as error:  # also of an integer of thousands of digits
+    except (ValueError, RecursionError) as error:  # also of an integer of thousands of digits
         raise LandmarkError(f"{path}: not a JSON file ({error}); {FORMAT}") from None
     curves = contents.get("curves") if isinstance(contents, dict) else contents
     for number, curve in enumerate(curves if isinstance(curves, list) else []):
@@ -240,42 +230,29 @@ def read_landmarks(path):
     return contents
 
 
-def nesting(data):
-    """How deep the brackets and braces of a text (bytes) are nested, those in strings included."""
-    text = np.frombuffer(data, np.uint8)
-    opened = np.isin(text, list(b"[{")).astype(np.int64) - np.isin(text, list(b"]}"))
-    return int(opened.cumsum().max(initial=0))
-
-
 def on_cut_surfaces(landmarks, hemispheres):
     """A landmarks file's curves in the numbers of the cut-open surfaces, of those of the whole ones
     where such were given. hemispheres: side -> `Hemisphere`. LandmarkError where a vertex lies on
     the medial wall."""
     if not any(one.is_whole for one in hemispheres.values()):
         return landmarks
+    entries = []
     given = (hemispheres[side].given for side in SIDES)
-    return {
-        "curves": [
-            _on_cut(curve, hemispheres) for curve in check_curves(landmarks, *given, fewest=0)
-        ]
-    }
-
-
-def _on_cut(curve, hemispheres):
-    """A `Curve` as an entry of a landmarks file, in the numbers of the cut-open surfaces."""
-    detect = all(curve.detect[side] or len(curve.path(side)) > 2 for side in SIDES)
-    entry = {"name": curve.name, "detect": detect, "hold_out": curve.hold_out}
-    for side in SIDES:
-        one = hemispheres[side]
-        path = curve.path(side)
-        entry[side] = (one.numbering.places(path) if one.is_whole else path).tolist()
-        if min(entry[side]) < 0:
-            away = path[np.array(entry[side]) < 0][:5].tolist()
-            raise LandmarkError(
-                f"curve {curve.name!r}, {side} side: vertices {away} lie on the medial wall, "
-                "which is cut away; give vertices of the cortex"
-            )
-    return entry
+    for curve in check_curves(landmarks, *given, fewest=0):
+        detect = all(curve.detect[side] or len(curve.path(side)) > 2 for side in SIDES)
+        entry = {"name": curve.name, "detect": detect, "hold_out": curve.hold_out}
+        entries.append(entry)
+        for side in SIDES:
+            one = hemispheres[side]
+            path = curve.path(side)
+            entry[side] = (one.numbering.places(path) if one.is_whole else path).tolist()
+            if min(entry[side]) < 0:
+                away = path[np.array(entry[side]) < 0][:5].tolist()
+                raise LandmarkError(
+                    f"curve {curve.name!r}, {side} side: vertices {away} lie on the medial wall, "
+                    "which is cut away; give vertices of the cortex"
+                )
+    return {"curves": entries}
 
 
 def check_curves(curves, moving, control, fewest=1):
@@ -409,137 +386,12 @@ def _other_numbers(path, surface, other_side, other):
     return ""
 
 
-COLUMNS = ("name", "side", "order", "x", "y", "z")
-PLACES = {"begin": -np.inf, "end": np.inf}  # in the order
-NEAR = 4.0  # mm: how far a point may lie from the nearest vertex
-SCANNER = "scanner"
-
-
-def read_points(path):
-    """Points of a csv file with the COLUMNS: dict name -> side -> (n, 3), each in its order,
-    numbers or begin and end. Cells may be parted by commas, semicolons or tabs, in the last two
-    cases with decimal commas. LandmarkError, naming file and line, where a column, a cell, a side,
-    a number or a place in the order is missing."""
-    # Curve -> side -> place in the order -> point.
-    curves = defaultdict(lambda: {side: {} for side in SIDES})
-    for where, row in _rows(path):
-        name, side, place, point = _point(row, where)
-        points = curves[name][side]
-        if place in points:
-            raise LandmarkError(f"{where}: {name!r} has this place twice on the {side} side")
-        points[place] = point
-    if not curves:
-        raise LandmarkError(f"{path}: holds no points; give a line for each")
-    for name, sides in curves.items():
-        for side, points in sides.items():
-            if len(points) < 2:
-                raise LandmarkError(
-                    f"{path}: {name!r} has fewer than two points on the {side} side; give begin "
-                    "and end"
-                )
-            sides[side] = np.array([points[place] for place in sorted(points)])
-    return dict(curves)
-
-
-def _rows(path):
-    """(place in the file, dict column -> cell) of each row of a table that is not blank."""
-    data = read_bytes(Path(path))
-    try:
-        lines = io.StringIO(data.decode("utf-8-sig"), newline=None)  # CR, LF or both
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise LandmarkError(
-            f"{path}, line {line}: not a text file in UTF-8; export the table as csv in UTF-8"
-        ) from None
-    separator = max(",;\t", key=lines.readline().count)
-    lines.seek(0)
-    rows = csv.DictReader(lines, delimiter=separator)
-    try:
-        rows.fieldnames = [cell.strip().lower() for cell in rows.fieldnames or ()]
-        if wrong := [column for column in COLUMNS if rows.fieldnames.count(column) != 1]:
-            raise LandmarkError(
-                f"{path}: no column {', '.join(wrong)}, or two; the first line names "
-                f"{', '.join(COLUMNS)}"
-            )
-        for row in rows:
-            where = f"{path}, line {rows.line_num}"
-            beyond = "".join(row.pop(None, ())).strip()
-            if beyond or any(cell and not cell.isspace() for cell in row.values()):
-                if beyond or None in map(row.get, COLUMNS):
-                    raise LandmarkError(
-                        f"{where}: its cells are not as many as the first line's; fill in what is "
-                        "missing, and give numbers a decimal point or part the cells by semicolons"
-                    )
-                if separator != ",":
-                    row |= {column: row[column].replace(",", ".") for column in COLUMNS[2:]}
-                yield where, row
-    except csv.Error as error:
-        advice = "check its quotes, or export the table again"
-        raise LandmarkError(f"{path}, line {rows.line_num + 1}: {error}; {advice}") from None
-
-
-def _point(row, where):
-    name = " ".join(row["name"].split())  # of a cell with line breaks, too
-    side, order = (row[column].strip().lower() for column in ("side", "order"))
-    if not name:
-        raise LandmarkError(f"{where}: no name; write the curve's name in each line")
-    if side not in SIDES:
-        raise LandmarkError(f"{where}: the side is {side!r}; write moving or control")
-    try:
-        place = PLACES[order] if order in PLACES else float(order)
-        point = [float(row[axis]) for axis in "xyz"]
-    except ValueError:
-        raise LandmarkError(
-            f"{where}: order must be a number, begin or end, and x, y, z numbers in mm"
-        ) from None
-    if np.isnan(place) or not np.isfinite(point).all():
-        raise LandmarkError(f"{where}: not a finite number")
-    return name, side, place, point
-
-
-def spaces(frame):
-    """What brings points (n, 3) into the coordinates of a surface's file with this `Frame`: dict
-    space -> function, the file's own first; without the other one where no volume is known, and
-    empty where the file says nothing."""
-    if frame.space is None:
-        return {}
-    if frame.in_scanner or not frame.volume:
-        return {SCANNER: np.asarray} | ({TKR: frame.to_scanner} if frame.volume else {})
-    return {TKR: np.asarray, SCANNER: frame.to_tkr}
-
-
-def nearest_vertices(surface, points, space, known):
-    """Vertices (n,) nearest points (n, 3), and their distances in mm; LandmarkError where one is
-    over NEAR, which names the space of `known`, a result of `spaces`, in which all are near. space:
-    one of them, or None: the file's own."""
-    tree = scipy.spatial.cKDTree(surface.vertices)
-    mm = size_of(surface).mm
-    distance, vertices = tree.query(known[space](points) if space else points)
-    distance /= mm
-    worst = distance.argmax()
-    if distance[worst] > NEAR:
-        hint = "check the coordinates and their unit"
-        near = [
-            one for one, place in known.items() if tree.query(place(points))[0].max() <= NEAR * mm
-        ]
-        units = [unit for unit in UNITS if tree.query(UNITS[unit] * points)[0].max() <= NEAR * mm]
-        if near:
-            hint = f"in {near[0]} coordinates all are near it: --space {near[0]}"
-        elif units:
-            hint = f"in {units[0]} all are near it: give them in mm"
-        place = ", ".join(f"{number:g}" for number in points[worst])
-        raise LandmarkError(
-            f"the point ({place}) is {distance[worst]:.1f} mm from the surface; {hint}"
-        )
-    return vertices, distance
-
-
 def curve_lines(own, curves, side, detect=None):
     """`Curve`s of one side, "moving" or "control", in the disk of its `ParameterizedSurface`: (k,)
     complex each, and messages.
 
-    Given curves stay. The others are shortest paths, or what `detect` finds, unless such a line has
-    an `own_fault`, or crosses or touches another one.
+    Given curves stay. The others are shortest paths, or what `detect` finds, unless such a line
+    leaves the disk, misses its ends, crosses itself, or crosses or touches another one.
     """
     surface = own.surface
     z = own.disk.z
@@ -551,7 +403,15 @@ def curve_lines(own, curves, side, detect=None):
         lines[k] = np.asarray(line, complex)
     if detect is None:
         return lines, []
-    faults = {k: fault for k in wanted if (fault := own_fault(lines[k], z[ends[k]]))}
+    faults = {}
+    for k in wanted:
+        line = lines[k]
+        if len(line) < 2 or not (np.isfinite(line).all() and abs(line).max() <= 1 + ON_VERTEX):
+            faults[k] = "leaves the disk"
+        elif abs(line[[0, -1]] - z[ends[k]]).max() > ON_VERTEX:
+            faults[k] = "misses its endpoints"
+        elif not path_of(line).is_simple:
+            faults[k] = "crosses itself"
     # A given line stays even where a detected one crosses it.
     sound = [k for k in range(len(lines)) if k not in faults]
     for first, second in combinations(sound, 2):
@@ -570,15 +430,6 @@ def curve_lines(own, curves, side, detect=None):
         f"LD-Net's {side} curve {curves[k].name!r} {fault}: shortest path"
         for k, fault in faults.items()
     ]
-
-
-def own_fault(line, ends):
-    """Why a detected curve cannot be used, as text, or None."""
-    if len(line) < 2 or not (np.isfinite(line).all() and abs(line).max() <= 1 + ON_VERTEX):
-        return "leaves the disk"
-    if abs(line[[0, -1]] - ends).max() > ON_VERTEX:
-        return "misses its endpoints"
-    return None if path_of(line).is_simple else "crosses itself"
 
 
 def fill(line, points):

@@ -1,9 +1,6 @@
 """Landmark curves: sampling by arc length in space, and sulci as shortest paths in the fundus
 metric."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from scipy import sparse
@@ -171,13 +168,3 @@ def test_detection_gives_the_paths_in_the_disk(groove):
     assert len(curves) == 2
     np.testing.assert_array_equal(curves[0], z[fundus_path(surface, *ends)])
     np.testing.assert_array_equal(curves[1], curves[0][::-1])
-
-
-def test_lists_nested_without_end_are_refused_where_python_would_recurse_on(tmp_path):
-    """Other packages raise the limit of recursion: then the stack would end within json.loads, and
-    Python with it."""
-    (tmp_path / "deep.json").write_text("[" * 200_000)
-    program = "import sys; sys.setrecursionlimit(10**6); from qclearn.registration.curves import read_landmarks; "
-    program += "read_landmarks('deep.json')"
-    found = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert "LandmarkError: deep.json: lists nested too deeply" in found.stderr.splitlines()[-1]

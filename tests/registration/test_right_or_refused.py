@@ -289,9 +289,11 @@ def test_wrong_arguments_of_a_fit_are_refused_by_name(case):
         fit_landmarks(*SMALL, **arguments)
 
 
-def test_a_number_of_thousands_of_digits_in_a_landmarks_file_is_laid_to_the_file(tmp_path):
+@pytest.mark.parametrize("text", ['{"curves": [{"name": "a", "moving": [' + "7" * 5000 + "]}]}", "[" * 200_000])
+def test_a_landmarks_file_that_python_cannot_parse_is_named(tmp_path, text):
+    """A number of thousands of digits, lists nested without end."""
     file = tmp_path / "curves.json"
-    file.write_text('{"curves": [{"name": "a", "moving": [' + "7" * 5000 + ', 2], "control": [1, 2]}]}')
+    file.write_text(text)
     with pytest.raises(LandmarkError, match="curves.json: not a JSON file"):
         read_landmarks(file)
 
