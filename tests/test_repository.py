@@ -41,7 +41,6 @@ def test_no_test_depends_on_the_speed_or_the_memory_of_a_machine():
         path.name: list(absolute_limits(path.read_text(encoding="utf-8"))) for path in (ROOT / "tests").rglob("*.py")
     }
     assert {name: limits for name, limits in found.items() if limits} == {}
-    assert list(absolute_limits("assert small.cpu_seconds < 0.1 < large.cpu_seconds")) != []
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
@@ -114,10 +113,6 @@ def test_the_files_that_a_text_names_are_there(text):
     assert [name for name in sorted(set(NAMED.findall(words)) - NOT_THERE) if not (ROOT / name).exists()] == []
 
 
-def test_the_names_of_files_are_recognised():
-    assert NAMED.findall("see `qclearn/suspect.py`. Not a/book/x") == ["qclearn/suspect.py"]
-
-
 def test_no_file_names_a_machine():
     try:
         listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
@@ -133,8 +128,3 @@ def test_no_file_names_a_machine():
         if match := MACHINE_PATH.search(text):
             found[str(file.relative_to(ROOT))] = match.group()
     assert found == {}
-
-
-def test_a_machine_path_is_recognised():
-    assert MACHINE_PATH.search(f"open('/{'home'}/ann')")
-    assert not MACHINE_PATH.search(f"https://example.org/{'home'}/page")

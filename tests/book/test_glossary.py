@@ -92,13 +92,6 @@ def test_links_to_the_glossary_lead_to_a_term():
     assert {name for page in TEXTS for _, name in LINK.findall(TEXTS[page])} <= names
 
 
-def test_uses_are_found_in_prose_alone():
-    text = "# A sulcus\n\nTwo sulci, a [sulcus](#term-sulcus), a [sulcus](brain.ipynb), `sulcus`."
-    found = forms()
-    linked = [(words, link) for _, words, _, link in uses(text, found, pattern_of(found))]
-    assert linked == [("sulci", None), ("sulcus", "sulcus")]
-
-
 # What is layout or the common language of mathematics; every other name and every letter is a
 # symbol.
 COMMON = re.compile(
@@ -118,11 +111,6 @@ def symbols(text):
     found = SYMBOL.findall(WORDS.sub(" ", formulas))
     found = {re.sub(r"^(\\math\w+)\s*\{?(\w)\}?$", r"\1 \2", symbol) for symbol in found}
     return {symbol for symbol in found if not COMMON.fullmatch(symbol)}
-
-
-def test_symbols_are_read():
-    text = r"$|\mu| < 1$, $$f_{\bar z} = \mu f_z$$ and `$y$`"
-    assert symbols(text) == {r"\mu", r"f_{\bar z}", "f_z"}
 
 
 def test_the_page_on_notation_has_every_symbol_of_three_pages():
@@ -154,7 +142,3 @@ def strays(text):
 
 def test_b_is_the_boundary_c_the_papers_d_a_differential_and_m_counts_landmarks():
     assert {page: found for page in READ if page not in QUOTING and (found := list(strays(TEXTS[page])))} == {}
-
-
-def test_a_letter_with_a_second_meaning_is_found():
-    assert list(strays("A text with $b = \\beta/\\alpha$ and $\\theta_b$.")) == ["$b = \\beta/\\alpha$"]

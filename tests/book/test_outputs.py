@@ -26,26 +26,3 @@ def test_no_output_is_a_bare_representation(page):
     cells = nbformat.read(executed, as_version=4).cells
     found = {cell.id: text for cell in cells for output in cell.get("outputs", []) if (text := bare(output))}
     assert found == {}, "end these cells with a semicolon, or show what a reader needs to see"
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "Text(0, 0.5, 'error')",
-        "FitState(mu=1)",
-        "<matplotlib.lines.Line2D at 0x7f>",
-        "[<matplotlib.lines.Line2D at 0x7f>]",
-        "Figure(640x480)",
-        "array([1., 2.])",
-        "(array([1.]), [])",
-    ],
-)
-def test_a_bare_representation_is_found(text):
-    result = nbformat.v4.new_output("execute_result", data={"text/plain": text})
-    assert bare(result) and bare(nbformat.v4.new_output("stream", text=text))
-    assert not bare(nbformat.v4.new_output("display_data", data={"text/plain": text, "text/html": "<p>it</p>"}))
-
-
-@pytest.mark.parametrize("text", ["3.14", "'a word (in brackets)'", "{'mm': 0.5}", "map/ holds 3 files", "(1, 2)"])
-def test_plain_values_are_no_bare_representations(text):
-    assert not bare(nbformat.v4.new_output("execute_result", data={"text/plain": text}))

@@ -42,8 +42,3 @@ def test_exceptions_belong_to_pages_and_have_reasons():
 def test_a_typed_result_is_found_and_a_computed_one_is_left_alone():
     (found,), _ = typed_results('an error of 0.90 mm, computed: {eval}`f"{num.x:.2f}"` mm', {})
     assert "0.90 mm" in found
-
-
-def test_a_literal_explains_its_phrase_and_no_other():
-    typed, unused = typed_results("2.5 mm thick,\nnot 2.5 mm wide", {"2.5 mm thick, not": "why", "7 mm": "why"})
-    assert len(typed) == 1 and "wide" in typed[0] and unused == ["7 mm"]

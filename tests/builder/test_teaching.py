@@ -52,11 +52,6 @@ def test_a_class_works_on_the_pages_of_its_week_and_meets_the_core_path():
     assert set(CORE) <= set(kept)
 
 
-def test_a_week_that_is_too_long_is_found(plan):
-    plan["week"][0]["class"].append([200, "A long talk."])
-    assert list(too_long()) == [plan["week"][0]["title"]]
-
-
 @pytest.mark.parametrize("key, value", [("from", "nowhere"), ("leave", ["nothing"]), ("class", [[5, "On {nowhere}."]])])
 def test_a_name_that_is_not_there_stops_the_build(plan, key, value):
     plan["week"][0][key] = value
