@@ -16,9 +16,8 @@ OWN = "benchmark", "peers", "people"  # files that the benchmark itself writes
 WRITERS = {  # of the files in RESULTS
     "benchmark": "qclearn benchmark",
     "networks": "book/studies/evaluate_networks.py",
-    "peers": "qclearn benchmark --peers only",
-    "people": "qclearn benchmark --peers only --set folder:DIR",
-    "scaling": "book/studies/scaling.py",
+    "peers": "book/studies/peers.py",
+    "people": "book/studies/peers.py",
     "sizes": "book/studies/sizes.py",
     "suspect": "book/studies/suspect.py",
     "template": "book/studies/template.py",

@@ -12,8 +12,6 @@ from contextlib import nullcontext
 from dataclasses import asdict
 from datetime import date
 from hashlib import sha256
-from importlib.metadata import version
-from importlib.util import find_spec
 from pathlib import Path
 
 from tqdm import tqdm
@@ -23,6 +21,7 @@ from data_synth.cortex import FEWEST, MOST
 
 from ..io.extras import require
 from ..io.provenance import commit, processor
+from ..moved import gone
 from .cluster import connect, finished, versions
 from .cortex import person
 from .measured import BenchmarkError
@@ -30,7 +29,7 @@ from .methods import METHODS
 from .pairs import CONTROL
 from .problems import problems
 from .rows import Journal
-from .runs import check_runs, lacking, table_of
+from .runs import FRONT, RUNS, check_runs, lacking
 
 LIMIT = 3600.0  # seconds for a row of a method that is not ours
 
@@ -47,32 +46,34 @@ def benchmark(
     folder=None,
     progress=True,
     fronts=False,
-    peers=True,
-    programs=(),
     limit=LIMIT,
+    peers=None,
+    programs=None,
 ):
     """Run all `runs` on all problems of `sets`, write the results file `out`, return its contents.
 
-    subjects: number, of the cohort's 24; runs: by default the table of `table_of(peers, fronts)`,
-    without those whose networks have no weights here or whose extra is missing; programs: more
-    runs, beside either; scheduler: address of a dask scheduler (one thread a worker), None for
-    `workers` processes here; folder: for synthetic subjects (on each worker's machine); limit:
-    seconds for a row of a method that is not one of METHODS. Called again, a stopped run goes on
-    from the finished tasks. Errors: BenchmarkError; ImportError without the extra.
+    subjects: number, of the cohort's 24; runs: by default RUNS, with `fronts` FRONT, too, without
+    those whose networks have no weights here; scheduler: address of a dask scheduler (one thread a
+    worker), None for `workers` processes here; folder: for synthetic subjects (on each worker's
+    machine); limit: seconds for a row of a method that is not one of METHODS. Called again, a
+    stopped run goes on from the finished tasks. Errors: BenchmarkError, also for the arguments
+    `peers` and `programs` of version 0.2; ImportError without the extra.
     """
+    for name, value in {"peers": peers, "programs": programs}.items():
+        if value is not None:
+            raise BenchmarkError(gone(f"benchmark({name}=)"))
     require("benchmark", "benchmarks")
     out, left_out = Path(out), {}
     if runs is None:
-        table = table_of(peers, fronts)
+        table = RUNS + FRONT * fronts
         left_out = {run.name: reason for run in table if (reason := lacking(run))}
         runs = [run for run in table if run.name not in left_out]
-    runs, specs = check_runs((*runs, *programs), methods), problems(subjects, sets)
+    runs, specs = check_runs(runs, methods), problems(subjects, sets)
     if not (FEWEST <= vertices <= MOST and workers >= 1 and limit > 0):
         wanted = f"{FEWEST:,} to {MOST:,} vertices, at least one worker, and a limit above 0"
         given = f"{vertices} vertices, {workers} workers, a limit of {limit} s"
         raise BenchmarkError(f"{given}: give {wanted}")
-    known = versions() | ({"cat-surf": version("cat-surf")} if find_spec("cat_surf") else {})
-    origin = {"commit": commit(), "date": date.today().isoformat(), "versions": known}
+    origin = {"commit": commit(), "date": date.today().isoformat(), "versions": versions()}
     origin["threads_per_task"] = 1
     seeds = {seed for spec in specs for seed in spec.seeds}
     settings = {

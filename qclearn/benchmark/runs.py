@@ -2,13 +2,11 @@
 
 import inspect
 import json
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
-from ..io.extras import require
 from ..registration.problem import DELTA, Weights
 from .measured import BenchmarkError
 from .methods.networks import network, networks_of
-from .methods.programs import command_parts
 from .pairs import DETECTORS, SOURCES
 
 SETS = ("cohort", "displacement", "fsaverage5", "heldout", "warp", "conte69", "folder")
@@ -19,9 +17,8 @@ class Run:
     """A row's recipe: its name, the method and its parameters, the landmarks' source (SOURCES).
 
     sets: the sets of problems it is run on; keep_field: keep |mu| on the control's disk, for
-    pictures over subjects; alone: run it once more in a process of its own, for the CPU seconds and
-    the memory of the whole process; uncertainty: where the truth is known, judge the radius that
-    `register` gives with the same settings.
+    pictures over subjects; uncertainty: where the truth is known, judge the radius that `register`
+    gives with the same settings.
     """
 
     name: str
@@ -30,7 +27,6 @@ class Run:
     landmarks: str = "given"
     sets: tuple = SETS
     keep_field: bool = False
-    alone: bool = False
     uncertainty: bool = False
 
 
@@ -87,6 +83,7 @@ RUNS = (
     Run("CP-Net, 1 step, path", "cpnet_steps", USUAL | {"steps": 1}, "path", KNOWN),
     Run("coarse fit, 1 step", "coarse_steps", USUAL, sets=WEIGHED),
     Run("guarded networks", "guarded", USUAL, sets=WEIGHED),
+    Run("rotation", "rotation", sets=("fsaverage5", "heldout")),  # whose surfaces have spheres
 )
 
 
@@ -96,43 +93,12 @@ def along_front(beta, gamma, **more):
     return Run(f"Gauss-Newton (1, {beta}, {gamma:g})", "gauss_newton", parameters, sets=KNOWN)
 
 
-# Competitors, which are no maps of the disk.
-PEERS = (
-    Run("rotation", "rotation", sets=FOLDED, alone=True),
-    Run("Spherical Demons", "spherical_demons", sets=FOLDED),
-)
-# Our runs that are measured as whole processes, too, to compare with the competitors.
-BESIDE = ("Möbius", "Gauss-Newton", "hybrid", "landmark-free")
-
 # For comparisons at the harmonic maps' distortion, some on a mesh as fine as the subject's: a third
 # of all runs' time.
 FRONT = (
     *(along_front("1e-4", gamma) for gamma in (0.5, 2.0, 8.0)),
     *(along_front("1e-5", gamma, rings=64) for gamma in (0.25, 1.0, 4.0, 16.0, 64.0)),
 )
-
-
-def table_of(peers, fronts):
-    """The runs of the table: RUNS, with `fronts` FRONT, with `peers` PEERS; peers "only": BESIDE."""
-    own = RUNS + FRONT * fronts
-    if peers == "only":
-        own = [run for run in own if run.name in BESIDE]
-    if peers:
-        own = [replace(run, alone=run.name in BESIDE) for run in own]
-    return (*own, *(PEERS if peers else ()))
-
-
-def program_of(text, limit):
-    """The Run of a command line's "NAME=COMMAND", a method that is a program; BenchmarkError."""
-    name, _, command = text.partition("=")
-    try:
-        command_parts(command)
-    except ValueError as error:
-        raise BenchmarkError(f"--program {text!r}: {error}") from None
-    if not name.strip() or not limit > 0:
-        advice = "write NAME=COMMAND, and seconds above 0"
-        raise BenchmarkError(f"--program {text!r}, --limit {limit}: {advice}")
-    return Run(name.strip(), "program", {"command": command, "limit": limit}, sets=FOLDED)
 
 
 def run_of(text):
@@ -178,10 +144,8 @@ def check_runs(runs, methods):
 
 
 def lacking(run):
-    """A message where a run's networks cannot be loaded or its extra is missing, or None."""
+    """A message where a run's networks cannot be loaded, or None."""
     try:
-        if run.method == "spherical_demons":
-            require("peers", "Spherical Demons")
         networks_of(run.method, run.parameters)
         if run.landmarks in DETECTORS:
             network("ldnet", DETECTORS[run.landmarks])

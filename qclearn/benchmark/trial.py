@@ -22,7 +22,6 @@ from . import measures
 from . import reference_metrics as reference
 from .images import OnDisk, image_of, reversed_on_sphere
 from .methods.networks import networks_of
-from .methods.programs import Answer, costs_alone
 from .methods.spheres import inward
 from .pairs import prepare, reverse
 
@@ -44,8 +43,6 @@ def trial(pair, run, method):
             prepared = prepare(pair, run.landmarks)
             networks_of(run.method, run.parameters)  # loaded before the clock starts
             f, costs = timed(method, prepared.problem, run.parameters)
-            if run.alone:
-                costs |= of_process(costs_alone(run, pair))
             start = time.perf_counter()
             locate = unknown(pair.control.disk).locate
             places = image_of(pair.control, f, locate).locate(f[: len(prepared.problem.disk.z)])
@@ -79,7 +76,6 @@ def timed(method, problem, parameters):
     counts only from LONG on.
     """
     seconds = []
-    whole = {}
     while not seconds or (sum(seconds) < LONG and len(seconds) < REPETITIONS):
         fresh = forgotten(problem)
         if "torch" in sys.modules:  # it keeps its own count of threads
@@ -95,21 +91,12 @@ def timed(method, problem, parameters):
             peak = memory("VmHWM")
         repairs = [each for each in caught if issubclass(each.category, RepairWarning)]
         notes = [str(each.message) for each in repairs]
-        if isinstance(f, Answer):  # whose own process took the time
-            f, whole, seconds = f.points, of_process(f.costs), [f.costs.seconds]
-            break
     return checked(f, problem), {
         "seconds": {"map": float(np.median(seconds[1:] or seconds))},
         "repetitions": len(seconds),
         "notes": notes,
         "peak_memory_mb": None if peak is None or before is None else max(0.0, peak - before),
-        **whole,
     }
-
-
-def of_process(costs):
-    """The figures of a whole process in a row, from its `Costs`."""
-    return {"cpu_seconds": costs.cpu_seconds, "memory_mb": costs.memory_mb}
 
 
 def forgotten(problem):
@@ -148,8 +135,7 @@ def way_back(pair, run, method, places):
     problem = prepare(reverse(pair), run.landmarks).problem
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RepairWarning)
-        g = method(problem, **run.parameters)
-    g = checked(g.points if isinstance(g, Answer) else g, problem)
+        g = checked(method(problem, **run.parameters), problem)
     here, there = image_of(pair.moving, g, pair.moving.disk.locate), image_of(pair.control, g, None)
     home = here.lift(here.locate(there.at(g, places)))
     return float(np.linalg.norm(home - pair.moving.surface.vertices, axis=1).mean())

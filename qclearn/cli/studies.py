@@ -17,8 +17,6 @@ FIGURES = {  # of the benchmark's table: key of a run's summary -> head of the c
     "shape_95": "log2 R 95 %",
     "reversed_on_sphere": "reversed",
     "seconds": "seconds",
-    "cpu_seconds": "CPU s",
-    "memory_mb": "MB",
 }
 
 
@@ -76,17 +74,7 @@ def train(network, preset, gamma, out, data, steps, seed, quick):
     help="Instead of all: harmonic, harmonic:weight=2,landmarks=path; repeatable.",
 )
 @click.option(
-    "--program",
-    "programs",
-    multiple=True,
-    help="A method that is a program: `NAME='COMMAND'`, see above; repeatable.",
-)
-@click.option("--limit", type=float, default=3600, help="Seconds for a row of another's method.")
-@click.option(
-    "--peers",
-    type=click.Choice(["with", "without", "only"]),
-    default="with",
-    help="Competitors: with all our runs, without any, or only with our runs on the page 'Peers'.",
+    "--limit", type=float, default=3600, help="Seconds for a row of a method that is not ours."
 )
 @click.option(
     "--fronts", is_flag=True, help="Also fits along a front, to compare at one distortion."
@@ -94,24 +82,15 @@ def train(network, preset, gamma, out, data, steps, seed, quick):
 @click.option("--scheduler", help="Address of a dask scheduler, `tcp://HOST:8786`.")
 @click.option("--workers", type=int, default=2, help="Processes, without --scheduler.")
 @click.option("--data", help="Folder of synthetic subjects  [default: the user's cache]")
-def benchmark(
-    out, subjects, vertices, sets, methods, programs, limit, peers, fronts, scheduler, workers, data
-):
+def benchmark(out, subjects, vertices, sets, methods, limit, fronts, scheduler, workers, data):
     """Run registration methods on the same problems and write all figures to one file.
 
     heldout and warp measure on real cortex: with held-out curves, and with the same folds in another
     shape. folder:DIR takes each person of a folder onto each other: open hemispheres of one side,
-    NAME.npz, with curves of the same names. conte69 needs `pip install 'qclearn[conte69]'`,
-    competitors on spheres need `pip install 'qclearn[peers]'`.
-
-    The COMMAND of a --program reads GIFTI surfaces and their spheres, and writes the moving sphere
-    as it lies on the control's. The benchmark puts files in place of the names in braces:
-
-    \b
-        --program NAME='COMMAND {moving} {moving_sphere} {control} {control_sphere} {out}'
+    NAME.npz, with curves of the same names. conte69 needs `pip install 'qclearn[conte69]'`.
     """
     from ..benchmark.run import benchmark as run_benchmark
-    from ..benchmark.runs import program_of, run_of
+    from ..benchmark.runs import run_of
 
     runs = [run_of(text) for text in methods] or None
     results = run_benchmark(
@@ -124,8 +103,6 @@ def benchmark(
         workers=workers,
         folder=data,
         fronts=fronts,
-        peers={"with": True, "without": False}.get(peers, peers),
-        programs=[program_of(text, limit) for text in programs],
         limit=limit,
     )
     print(f"{'run':38} done  certified  " + "  ".join(FIGURES.values()))

@@ -7,7 +7,7 @@ from importlib.util import find_spec
 EXTRAS = {
     "synth": ("numba", "skimage"),
     "nets": ("torch", "safetensors"),
-    "benchmark": ("distributed", "jsonschema", "psutil"),
+    "benchmark": ("distributed", "jsonschema"),
     "conte69": ("brainspace",),
     "peers": ("cat_surf",),
 }

@@ -75,8 +75,8 @@ LANDMARKS_AT_ONCE = 16
 PRODUCT_WORK = 0.35
 REPAIR_WORK = 1.4
 # The most that one level on the caller's mesh or its proxy may take: MOST_WORK up to LOW_GAMMA,
-# growing above by the power GROWTH of gamma. The slowest good problems (book/studies/effort.py)
-# took 8, 30, 94, 164 and 290 at gamma = 1e3, 1e5, 1e6, 1e7 and 1e8, and 70 with folds.
+# growing above by the power GROWTH of gamma. The slowest of twenty good problems took 8, 30, 94,
+# 164 and 290 at gamma = 1e3, 1e5, 1e6, 1e7 and 1e8, and 70 with folds.
 MOST_WORK = 120.0
 LOW_GAMMA = 1e5
 GROWTH = 0.25

@@ -28,7 +28,7 @@ from qclearn.benchmark.measured import BenchmarkError, read_measured
 from qclearn.benchmark.methods import METHODS, networks
 from qclearn.benchmark.problems import Spec, problems
 from qclearn.benchmark.run import benchmark
-from qclearn.benchmark.runs import FRONT, PEERS, RUNS, Run, check_runs, lacking, run_of
+from qclearn.benchmark.runs import FRONT, RUNS, Run, check_runs, lacking, run_of
 from qclearn.cli import main
 from subjects import stand_in
 
@@ -283,8 +283,8 @@ def test_the_sets_problems():
 
 
 def test_every_run_of_the_table_is_known_and_every_method_has_one():
-    check_runs(RUNS + FRONT + PEERS, METHODS)
-    assert {run.method for run in RUNS + PEERS} == set(METHODS) - {"program"}  # whose command line a reader gives
+    check_runs(RUNS + FRONT, METHODS)
+    assert {run.method for run in RUNS} == set(METHODS)
 
 
 def test_runs_whose_networks_are_missing_say_why(monkeypatch):
@@ -333,6 +333,12 @@ def test_the_command_says_what_is_wrong_in_one_line(tmp_path, capsys, arguments,
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("name", ["peers", "programs"])
+def test_what_version_0_2_took_is_answered_in_one_line(name):
+    with pytest.raises(BenchmarkError, match=rf"benchmark\({name}=\) went with version 0.3: .*"):
+        benchmark("out.json", **{name: ()})
+
+
 def test_an_out_that_cannot_be_written_is_named_before_anything_runs(tmp_path):
     for out in (tmp_path, tmp_path / "nowhere" / "r.json"):
         with pytest.raises(BenchmarkError, match="not a file in a folder that exists"):
@@ -342,11 +348,11 @@ def test_an_out_that_cannot_be_written_is_named_before_anything_runs(tmp_path):
 def test_the_command_writes_the_file_and_prints_a_table(tmp_path, folder, capsys):
     out = tmp_path / "r.json"
     options = {"--out": out, "--subjects": 1, "--vertices": SIZE, "--workers": 1, "--data": folder}
-    methods = ["--method", "mobius_only", "--method", "harmonic:weight=5", "--program", "broken=false {out}"]
+    methods = ["--method", "mobius_only", "--method", "harmonic:weight=5", "--method", "harmonic:weight=-1"]
     main(["benchmark", *(str(word) for option in options.items() for word in option), *methods])
     printed = capsys.readouterr().out
     assert "harmonic:weight=5" in printed and "1/1" in printed
-    assert "broken, 1001 to 2001: " in printed and "0/1" in printed
+    assert "harmonic:weight=-1, 1001 to 2001: ValueError: weight = -1: " in printed and "0/1" in printed
     rows = {row["run"]: row for row in read_measured("benchmark", out)["rows"]}
     assert rows["harmonic:weight=5"]["landmark_error"] < rows["mobius_only"]["landmark_error"]
     assert rows["mobius_only"]["correspondence_sulci_mm"] > 0 and rows["mobius_only"]["floor_mm"] > 0

@@ -30,7 +30,6 @@ def last_line(package, program):
         ("distributed", "from qclearn.benchmark import benchmark; benchmark('out.json')", "benchmark"),
         ("brainspace", "from qclearn.io.conte69 import conte69; conte69()", "conte69"),
         ("cat_surf", "from qclearn.benchmark.methods.spheres import inflated; inflated(None)", "peers"),
-        ("cat_surf", "from qclearn.benchmark.methods import spherical_demons; spherical_demons(None)", "peers"),
         (
             "jsonschema",
             "from qclearn.benchmark.measured import check_schema; check_schema('out.json', {}, 'networks')",

@@ -2,8 +2,8 @@
 
 A method takes a `Problem` and keyword parameters with defaults, returns where each vertex of the
 moving disk mesh lies in the control's disk, and warns with a RepairWarning of what it did beyond
-its plain formula. A method ON_SPHERES returns where each vertex of the whole moving surface lies on
-the control's sphere, (V', 3). Any such function can join the benchmark.
+its plain formula. A method of spheres, such as `rotation`, returns where each vertex of the whole
+moving surface lies on the control's sphere, (V', 3). Any such function can join the benchmark.
 """
 
 from .folds import dense, hybrid, landmark_free
@@ -11,7 +11,6 @@ from .gauss_newton import coarse_steps, gauss_newton
 from .harmonic import harmonic
 from .mobius_only import mobius_only
 from .networks import cpnet_dbsnet, cpnet_exact, cpnet_steps, guarded
-from .programs import program, spherical_demons
 from .qc_iteration import qc_iteration
 from .rotation import rotation
 from .solver import LandmarkSolver
@@ -34,9 +33,6 @@ METHODS = {
     "cpnet_steps": cpnet_steps,
     "guarded": guarded,
     "rotation": rotation,
-    "spherical_demons": spherical_demons,
-    "program": program,
 }
-ON_SPHERES = "rotation", "spherical_demons", "program"
 
 __all__ = ["METHODS", "LandmarkSolver", *METHODS]

@@ -1,6 +1,6 @@
 """Whole surfaces on spheres, closed where they were cut open, for methods on spheres."""
 
-import hashlib
+import subprocess
 import sys
 from functools import cached_property
 from pathlib import Path
@@ -15,11 +15,14 @@ from ...plane.grids import joined
 from ...plane.linear import Dirichlet
 from ...surfaces.checks import norms
 from ...surfaces.surface import Surface, SurfaceError
-from .process import measured
 
-# GPL: a program beside us, never imported.
-CATSURF = sys.executable, "-P", str(Path(__file__).with_name("catsurf.py"))
-LIMIT = 3600.0  # seconds that a program may take
+# cat-surf is under the GPL: a program in a process of its own, never imported here.
+INFLATE = """
+import sys
+import cat_surf
+whole = cat_surf.read_surface(sys.argv[1])
+cat_surf.write_surface(sys.argv[2], *cat_surf.surf_to_sphere(*whole, stop_at=5, relax=True))
+"""
 ROUND = 1.01  # the largest radius by the smallest of what passes for a sphere
 THINNER = 0.8  # of a ring of the patch: its number of points by that of the ring around it
 
@@ -48,11 +51,6 @@ class Sphere:
     @cached_property
     def points(self):
         return facing(self.whole, inflated(self.whole) if self.given is None else self.given[1])
-
-    @cached_property
-    def fingerprint(self):
-        """By which the same surface on the same sphere is known again."""
-        return self.whole.fingerprint["sha256"], hashlib.sha256(self.points.tobytes()).hexdigest()
 
 
 def sphere_of(side):
@@ -94,7 +92,11 @@ def inflated(whole):
     with TemporaryDirectory() as folder:
         paths = [str(Path(folder, name)) for name in ("whole.surf.gii", "sphere.surf.gii")]
         write_surface(paths[0], whole)
-        measured([*CATSURF, "sphere", *paths], LIMIT, paths[1])
+        command = [sys.executable, "-P", "-c", INFLATE, *paths]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode:
+            last = done.stderr.strip().rpartition("\n")[2]
+            raise SphereError(f"cat_surf ended with {done.returncode}, without a sphere: {last}")
         return read_surface(paths[1]).vertices
 
 

@@ -1,29 +1,19 @@
-"""Methods on spheres: surfaces closed and turned, the best rotation, and programs in processes of
-their own."""
+"""Maps of spheres: surfaces closed and turned, the best rotation, and how such maps are judged."""
 
-import contextlib
-import resource
-import shlex
 import sys
 import textwrap
-import time
 from dataclasses import replace
 
 import numpy as np
-import psutil
 import pytest
 from scipy.spatial.transform import Rotation
 
 from known_surfaces import icosphere
 from qclearn.benchmark import Run
-from qclearn.benchmark.measured import BenchmarkError
 from qclearn.benchmark.methods import METHODS
-from qclearn.benchmark.methods.process import ProgramError, measured
-from qclearn.benchmark.methods.programs import costs_alone
-from qclearn.benchmark.methods.spheres import Sphere, SphereError, closed, facing, inward
+from qclearn.benchmark.methods.spheres import Sphere, SphereError, closed, facing, inflated, inward
 from qclearn.benchmark.pairs import Pair, mapped
 from qclearn.benchmark.reference_metrics import middle_distance, quantile, tails
-from qclearn.benchmark.runs import BESIDE, PEERS, RUNS, lacking, program_of, table_of
 from qclearn.benchmark.trial import trial
 from qclearn.io.meshes import write_surface
 from qclearn.io.values import read_map
@@ -34,7 +24,6 @@ from workbench import workbench
 
 pytestmark = pytest.mark.usefixtures("once")
 TURN = Rotation.from_euler("xyz", [9, -6, 11], degrees=True)
-COPY = "cp {moving_sphere} {out}"
 
 
 def bumpy(level=4):
@@ -198,123 +187,7 @@ def test_distortion_is_workbenchs(tmp_path, pair):
     assert ours["areal_95"] > 0.3 and ours["shape_95"] > 0.3
 
 
-# Programs
-
-
-def program(command, limit=60.0):
-    return Run("mine", "program", {"command": command, "limit": limit})
-
-
-def test_a_program_that_copies_is_the_spheres_as_they_are(pair):
-    row = trial(replace(pair, there_and_back=False), program(COPY), METHODS["program"])
-    assert row["status"] == "done", row
-    as_is = trial(
-        replace(pair, there_and_back=False), Run("as it is", "as_is"), lambda problem: problem.pair.moving.sphere.points
-    )
-    assert row["correspondence_mm"] == pytest.approx(as_is["correspondence_mm"], abs=1e-3)
-    assert row["cpu_seconds"] >= 0 and 0 <= row["memory_mb"] < own_memory_mb()  # it ends in no time
-
-
-@pytest.mark.parametrize(
-    "command, message",
-    [
-        ("false {out}", "false ended with the status 1; its last words: none"),
-        ("sh -c 'echo no licence; exit 3' {out}", "ended with the status 3; its last words: no licence"),
-        ("sh -c 'kill -SEGV $$' {out}", "ended by the signal SIGSEGV"),
-        ("sleep 30 {out}", "sleep ended with the status 1"),
-        ("sh -c 'sleep 30 & sleep 30' {out}", "sh was not done after 0.5 s and was stopped"),
-        ("true {out}", "true ended without an error and wrote no sphere to {out}"),
-        ("nosuchprogram {out}", "nosuchprogram cannot be started (No such file or directory: nosuchprogram)"),
-        ("cp {moving} {out}", "the sphere that the program wrote is none around 0"),
-        ("sh -c 'echo hello > $0' {out}", "its sphere cannot be read: {out}"),
-    ],
-)
-def test_a_program_that_fails_is_a_row_with_its_message(pair, command, message):
-    start = time.perf_counter()
-    row = trial(pair, program(command, 0.5 if "& sleep" in command else 60.0), METHODS["program"])
-    assert row["status"] == "failed" and message in row["message"], row
-    assert time.perf_counter() - start < 20
-
-
-def test_a_sphere_of_another_mesh_is_a_row_with_its_message(pair):
-    coarse = replace(pair, control=side_of(bumpy(3)), held=(), truth=None, truth_disk=None, there_and_back=False)
-    curve = {**coarse.curves[0], "control": list(coarse.control.surface.curves["curve 0"])}
-    row = trial(replace(coarse, curves=(curve,)), program("cp {control_sphere} {out}"), METHODS["program"])
-    assert "sphere that the program wrote has 642 vertices, where its surface has 2,562" in row["message"]
-
-
-def test_cpu_time_and_memory_are_measured_per_program():
-    block = np.ones(40_000_000)  # 320 MB of this process
-    work = "x = bytearray(b'x') * {0}; sum(range({0}))"
-    commands = [[sys.executable, "-c", work.format(10**power)] for power in (5, 7)]
-    little, much = (measured(command, 60) for command in commands)
-    by_shell = measured(["sh", "-c", shlex.join(commands[1]) + "; true"], 60)  # the work of its child
-    assert block.all() and little.memory_mb < much.memory_mb < own_memory_mb()
-    assert little.cpu_seconds < min(much.cpu_seconds, by_shell.cpu_seconds)
-
-
-def own_memory_mb():
-    """The peak of this process."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
-
-
-@pytest.mark.parametrize("end, limit", [("sleep 60", 2), ("exit", 60)])
-def test_no_child_of_a_program_stays(tmp_path, end, limit):
-    """Whether the program hangs with its child until the limit, or leaves it behind."""
-    number = tmp_path / "pid"
-    refused = pytest.raises(ProgramError, match="was not done after 2 s and was stopped")
-    with refused if limit == 2 else contextlib.nullcontext():
-        measured(["sh", "-c", f"sleep 600 & echo $! > {number}; {end}"], limit)
-    until(lambda: not alive(number.read_text().strip()))
-
-
-def alive(number):
-    """Whether a process runs; a dead one stays in the list until its parent has asked for it."""
-    try:
-        return psutil.Process(int(number)).status() != psutil.STATUS_ZOMBIE
-    except psutil.NoSuchProcess:
-        return False
-
-
-def until(fact):
-    """Wait for a fact, at most 30 s on a busy machine."""
-    end = time.monotonic() + 30
-    while not fact():
-        assert time.monotonic() < end, "it did not come about"
-        time.sleep(0.05)
-
-
-def test_our_own_methods_are_measured_in_a_process_of_their_own(pair):
-    costs = costs_alone(Run("rotation", "rotation"), pair)
-    nothing = measured(["true"], 60)
-    assert costs.cpu_seconds > nothing.cpu_seconds and costs.memory_mb > nothing.memory_mb
-    with pytest.raises(ProgramError, match="ended with the status 1; its last words: .*no rounds"):
-        costs_alone(Run("bad", "mobius_only", {"no rounds": 1}), pair)
-
-
-@pytest.mark.parametrize(
-    "text, limit, message",
-    [
-        ("tool {moving} {out}", 9.0, "knows no|does not say|NAME=COMMAND"),
-        ("mine=tool {mving} {out}", 9.0, r"knows no \{mving\}: write it with \{moving\}, \{moving_sphere\}"),
-        ("mine=tool {moving}", 9.0, r"does not say where \{out\} goes"),
-        ("mine=tool 'open {out}", 9.0, "is no command line: No closing quotation"),
-        ("=tool {out}", 9.0, "write NAME=COMMAND"),
-        ("mine=tool {out}", 0.0, "seconds above 0"),
-    ],
-)
-def test_a_command_line_is_checked_before_anything_runs(text, limit, message):
-    with pytest.raises(BenchmarkError, match=message):
-        program_of(text, limit)
-
-
-def test_competitors_stand_beside_ours_unless_they_are_left_out():
-    names = {peers: [run.name for run in table_of(peers, False)] for peers in (True, False, "only")}
-    assert names[False] == [run.name for run in RUNS] and names[True] == names[False] + [run.name for run in PEERS]
-    assert names["only"] == [*BESIDE, *(run.name for run in PEERS)]
-    assert {run.name for run in table_of(True, False) if run.alone} == {*BESIDE, "rotation"}
-    assert not any(run.alone for run in table_of(False, False))
-
+# Spheres that cat-surf makes
 
 STAND_IN = """
     import nibabel, numpy as np
@@ -325,11 +198,9 @@ STAND_IN = """
         arrays = [nibabel.gifti.GiftiDataArray(data, intent) for data, intent in kinds]
         nibabel.save(nibabel.gifti.GiftiImage(darrays=arrays), path)
     def surf_to_sphere(points, faces, stop_at, relax):
+        assert len(points) > 1000, "no licence"
         out = points - points.mean(0)
         return 100 * out / np.linalg.norm(out, axis=1, keepdims=True), faces
-    def spherical_demon(*meshes):
-        assert len(meshes) == 4
-        return meshes[1]
 """
 
 
@@ -341,19 +212,12 @@ def stand_in(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
 
 
-def test_spheres_and_demons_come_from_the_program_beside_us(pair, stand_in):
-    sides = [replace(side, sphere=Sphere(side.surface)) for side in (pair.moving, pair.control)]
-    own = replace(pair, moving=sides[0], control=sides[1], there_and_back=False)
-    row = trial(own, Run("Demons", "spherical_demons"), METHODS["spherical_demons"])
-    assert row["status"] == "done" and row["reversed_on_sphere"] == 0 and row["cpu_seconds"] > 0, row
-    assert 5 < row["correspondence_mm"] < 20  # the stand-in leaves the ball as it is turned
+def test_a_sphere_comes_from_the_program_beside_us_or_the_row_says_why_not(pair, stand_in):
+    own = replace(pair.moving, sphere=Sphere(pair.moving.surface))
+    row = trial(replace(pair, moving=own, there_and_back=False), Run("rotation", "rotation"), METHODS["rotation"])
+    assert row["status"] == "done" and row["reversed_on_sphere"] == 0, row
+    assert row["correspondence_mm"] < 5  # the stand-in makes another sphere than the ball's own
+    coarse = icosphere(2)
+    with pytest.raises(SphereError, match="cat_surf ended with 1, without a sphere: AssertionError: no licence"):
+        inflated(Surface(coarse.vertices, coarse.faces))
     assert "cat_surf" not in sys.modules
-
-
-def test_competitors_whose_package_is_missing_are_left_out_in_one_line(monkeypatch):
-    from qclearn.io import extras
-
-    monkeypatch.setattr(extras, "find_spec", lambda name: None)
-    (rotation, demons) = PEERS
-    assert lacking(rotation) is None
-    assert lacking(demons) == "Spherical Demons need cat_surf, which is not installed: pip install 'qclearn[peers]'"

@@ -1,0 +1,112 @@
+"""The study of peers: programs are measured in processes of their own, and leave nothing running."""
+
+import json
+import os
+import shlex
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import psutil
+import pytest
+
+from book.studies import peers
+from book.studies.peers import measured
+from qclearn.benchmark.measured import BenchmarkError, read_measured
+from qclearn.benchmark.methods.spheres import Sphere, closed
+from qclearn.benchmark.pairs import Pair, mapped
+from qclearn.benchmark.problems import Spec
+from qclearn.plane.grids import polar_disk
+from qclearn.registration.curves import curves_of_both
+from qclearn.surfaces.surface import Surface
+
+WORK = "x = bytearray(b'x') * {0}; sum(range({0}))"
+
+
+def test_cpu_time_and_memory_are_those_of_a_program_with_its_children():
+    little, much = ([sys.executable, "-c", WORK.format(10**power)] for power in (5, 7))
+    little, much, by_shell = map(measured, (little, much, ["sh", "-c", shlex.join(much) + "; true"]))
+    assert little["memory_mb"] < much["memory_mb"] < 300 and little["memory_mb"] < by_shell["memory_mb"]
+    assert little["cpu_seconds"] < min(much["cpu_seconds"], by_shell["cpu_seconds"])
+
+
+@pytest.mark.parametrize(
+    "end, words", [("sleep 60", "ended with -9 after 2 s"), ("echo no licence; exit 3", "ended with 3 .*no licence")]
+)
+def test_a_program_that_fails_or_is_late_is_named_and_no_child_of_it_stays(tmp_path, end, words):
+    number = tmp_path / "pid"
+    with pytest.raises(BenchmarkError, match=f"sh {words}"):
+        measured(["sh", "-c", f"sleep 600 & echo $! > {number}; {end}"], 2)
+    stop = time.monotonic() + 30
+    while alive(int(number.read_text())):
+        assert time.monotonic() < stop, "its child still runs"
+        time.sleep(0.05)
+
+
+def alive(number):
+    """Whether a process runs; a dead one stays in the list until its parent has asked for it."""
+    try:
+        return psutil.Process(number).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
+
+
+def cap(height):
+    """A cap with a curve along a spoke, closed by a patch below, and its whole on a sphere."""
+    z, faces = polar_disk(8, 24)
+    points = 50 * np.stack([z.real, z.imag, height * (1 - abs(z) ** 2)], 1)
+    surface = Surface(points, faces, {"spoke": 1 + 24 * np.arange(2, 7)})
+    whole = closed(surface)
+    ball = whole.vertices - [0, 0, 25 * height]
+    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
+    return replace(mapped(surface), sphere=Sphere(surface, (whole, ball)))
+
+
+@pytest.fixture(scope="module")
+def pair():
+    moving, control = cap(1.0), cap(1.2)
+    return Pair(moving, control, tuple(curves_of_both(moving.surface, control.surface)))
+
+
+STAND_IN = """
+import nibabel, numpy as np
+def read_surface(path):
+    return tuple(array.data for array in nibabel.load(path).darrays)
+def write_surface(path, points, faces):
+    kinds = zip((points.astype("f4"), faces.astype("i4")), ("NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE"))
+    arrays = [nibabel.gifti.GiftiDataArray(data, intent) for data, intent in kinds]
+    nibabel.save(nibabel.gifti.GiftiImage(darrays=arrays), path)
+def spherical_demon(moving, sphere, control, other):
+    return sphere[0] * [1, -1, -1], sphere[1]
+"""
+
+
+def test_every_row_gets_what_its_process_took_and_demons_its_own_time(tmp_path, monkeypatch, pair):
+    def rows_of(out, subjects, vertices, sets, runs, methods, **_):
+        """Rows of the kept file, and an answer of the program, as a row's process would keep it."""
+        problem = SimpleNamespace(pair=pair)
+        half_turn = pair.moving.sphere.points * [1, -1, -1]
+        np.testing.assert_allclose(methods["spherical_demons"](problem), half_turn, atol=1e-6)
+        kept = read_measured("peers")
+        rows = [
+            row for row in kept["rows"] if row["run"] in chosen and (row["set"], row["pair"]) == (spec.set, spec.pair)
+        ]
+        out.write_text(json.dumps(kept | {"rows": [row | {"cpu_seconds": None, "memory_mb": None} for row in rows]}))
+
+    (tmp_path / "cat_surf.py").write_text(STAND_IN)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+    chosen = "Möbius", "Spherical Demons"
+    spec = Spec("heldout", "right to left, first half", lambda: pair)
+    replaced = {"require": print, "benchmark": rows_of, "problems": lambda *_: [spec], "version": lambda _: "9.9"}
+    for name, value in replaced.items():
+        monkeypatch.setattr(peers, name, value)
+    out = tmp_path / "peers.json"
+    peers.main(["--out", str(out), "--set", "heldout"], standalone_mode=False)
+    figures = read_measured("peers", out)
+    ours, demons = (next(row for row in figures["rows"] if row["run"] == name) for name in chosen)
+    assert 0 < demons["cpu_seconds"] < ours["cpu_seconds"]  # the stand-in turns a sphere, and lays out no disk
+    assert min(ours["memory_mb"], demons["memory_mb"]) > 10 and demons["seconds"]["map"] < 30
+    assert figures["provenance"]["versions"]["cat-surf"] == "9.9" and not Path(f"{out}.parts").exists()
