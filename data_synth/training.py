@@ -13,8 +13,7 @@ from qclearn.nets.refinement import CoefficientRefinement
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import FINE, Spectrum, polar, polar_disk, square_disk
 from qclearn.plane.mobius import best_mobius, mobius, mobius_inverse
-from qclearn.plane.solver import DiskSolver
-from qclearn.plane.tangent import CoefficientMesh
+from qclearn.plane.solver import CoefficientMesh, DiskSolver
 from qclearn.registration.curves import sample_curve
 from qclearn.registration.problem import distinct
 

@@ -13,7 +13,7 @@ import torch
 from threadpoolctl import threadpool_limits
 
 from ..plane.grids import Spectrum
-from ..plane.tangent import CoefficientMesh
+from ..plane.solver import CoefficientMesh
 from ..registration.problem import LandmarkError
 from .born import Born
 from .cpnet_paper import PaperCPNet, PaperCPNetConfig

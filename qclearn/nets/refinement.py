@@ -2,7 +2,7 @@
 step, repeat.
 
 An iterate solves for the map f of a field nu, refits the Möbius map M after it, and proposes a step
-whose derivative needs no solve (plane.tangent). nu lies on the rings of a polar mesh, in whose
+whose derivative needs no solve (tangent.py). nu lies on the rings of a polar mesh, in whose
 eigenvectors the prior is diagonal.
 """
 
@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..plane.mobius import best_mobius, mobius, mobius_fields, mobius_slope
-from ..plane.tangent import Tangent
-from ..registration.gauss_newton import solve_dual
+from .tangent import Tangent
 
 # Largest |change of nu| of a step; a longer one is damped by this factor again and again, down to
 # LEAST of itself.
@@ -130,7 +129,8 @@ class CoefficientRefinement:
         x, share = iterate.proposal.x, 1.0
         gram, along = project(project(rows @ rows.T).T), project(rows @ x)
         while True:
-            y = solve_dual(share * gram, project(iterate.r) - share * along)
+            constant = project(iterate.r) - share * along
+            y = np.linalg.solve(np.eye(len(gram)) + share * gram, constant)
             after = x - share * (project(y) @ rows + x)
             nu = self.field(after)
             if abs(nu - iterate.proposal.nu).max() <= MOST or share < LEAST:

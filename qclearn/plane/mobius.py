@@ -5,7 +5,6 @@ centroid to 0; then the maps that bring points nearest to other points.
 """
 
 import numpy as np
-import scipy
 from jaxtyping import Complex, Float
 from numpy import ndarray
 
@@ -85,41 +84,11 @@ def centring_mobius(z, weights):
 
 def best_mobius(p: Complex[ndarray, " M"], q: Complex[ndarray, " M"]) -> tuple[complex, float]:
     """The disk Möbius map, as (a, theta), that minimises `mean |M(p) - q|^2` over points of the
-    unit disk.
-
-    Least squares over `s` in the plane with `a = s / sqrt(1 + |s|^2)`, which keeps |a| < 1, from
-    eight rotations, so that a large turn between the point sets does not end in a local minimum.
-    """
-    p, q = np.asarray(p, complex), np.asarray(q, complex)
-
-    def unpack(x):
-        s = x[0] + 1j * x[1]
-        return s / np.sqrt(1 + abs(s) ** 2), x[2]
-
-    def residual(x):
-        r = mobius(p, *unpack(x)) - q
-        return np.concatenate([r.real, r.imag])
-
-    def jacobian(x):
-        a, theta = unpack(x)
-        w = mobius(p, a, theta)
-        s = x[0] + 1j * x[1]
-        g = 1 / np.sqrt(1 + abs(s) ** 2)
-        by_a = -np.exp(1j * theta) / (1 - np.conj(a) * p)
-        by_conj_a = w * p / (1 - np.conj(a) * p)
-        # The change of a with s by 1 and by i.
-        steps = [g * d - g**3 * (s.conjugate() * d).real * s for d in (1.0, 1j)]
-        columns = np.stack([by_a * da + by_conj_a * np.conj(da) for da in steps] + [1j * w])
-        return np.concatenate([columns.real, columns.imag], axis=1).T
-
-    fits = [
-        scipy.optimize.least_squares(
-            residual, [0.0, 0.0, turn], jacobian, xtol=1e-14, ftol=1e-14, gtol=1e-14
-        )
-        for turn in np.arange(8) * np.pi / 4
-    ]
-    a, theta = unpack(min(fits, key=lambda fit: fit.cost).x)
-    return complex(a), float(np.angle(np.exp(1j * theta)))
+    unit disk: the nearest one from eight rotations, so that a large turn between the point sets
+    does not end in a local minimum."""
+    p, q = (np.asarray(points, complex)[None] for points in (p, q))
+    (a, theta), _ = nearest_mobius(p, q, turns=8, rounds=100)
+    return complex(a[0]), float(np.angle(np.exp(1j * theta[0])))
 
 
 def nearest_mobius(p, q, turns=4, rounds=30):

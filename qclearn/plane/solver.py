@@ -3,9 +3,12 @@
 The boundary slides along the circle while 0 and 1 are held, and yet the map with a given Beltrami
 coefficient solves linear problems: the boundary moves by the harmonic measure of A(mu) seen from 0
 (the flux form).
+
+`CoefficientMesh` is a solver whose coefficient is a field on a polar mesh.
 """
 
-from functools import cached_property
+from copy import copy
+from functools import cached_property, lru_cache
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -13,14 +16,17 @@ from numpy import ndarray
 from scipy import sparse
 
 from .checks import SurfaceError, check_coefficient, check_used
+from .coefficients import bounded, bounded_pullback
 from .disk import Disk, PerFace, PerVertex
 from .linear import Dirichlet, three_a_row
-from .mobius import mobius, mobius_inverse
+from .mobius import mobius, mobius_inverse, mobius_slope
 
 # Of the mean boundary step. A negative weight can make a step negative: it becomes SMALLEST_STEP.
 # At the end of a long peninsula, steps below LOST_STEP are lost, as coordinates round triangles
 # away.
 SMALLEST_STEP, LOST_STEP = 1e-3, 1e-8
+# Points whose adjoint equations are solved together, which bounds the memory.
+POINTS_AT_ONCE = 16
 
 
 class FreeBoundary:
@@ -325,3 +331,54 @@ class DiskSolver:
         rows = along[:, None] * self.disk.gradients + across[:, None] * self.disk.gradients.conj()
         rows *= (2 * self.disk.areas * scale)[:, None]
         return three_a_row(rows, self.disk.faces, len(self.disk.z))
+
+
+class CoefficientMesh:
+    """A polar `Disk` mesh, which carries nu (N,) at its vertices, beside the `Disk` that is mapped,
+    maybe itself."""
+
+    def __init__(self, disk, mesh):
+        self.disk, self.mesh = disk, mesh
+        self.solver = DiskSolver(disk)
+        _ = self.solver.calibration  # cached here, so that copies of the solver have it
+        # By the area of the disk: terms are means over it.
+        self.mass = mesh.mass / np.pi
+        self.laplace = mesh.laplace / np.pi
+        self.to_faces = mesh.to_faces if disk is mesh else mesh.interpolation(disk.centroids)
+
+    def coefficient(self, nu):
+        """mu (F,) on the faces of the mapped mesh of nu (N,)."""
+        return bounded(self.to_faces @ nu)
+
+    def solution(self, nu):
+        """A copy of the solver, with the map of nu (N,) and its factors."""
+        solution = copy(self.solver)
+        solution.solve(self.coefficient(nu))
+        return solution
+
+    def gradients(self, nu, solution, samples, parameters):
+        """Gradients of Re w and Im w by nu (N,), complex (2, P, N), of points `w = samples @ M(f)`,
+        f a `solution` of nu and M the disk Möbius map of these parameters, by adjoint solves."""
+        slope = mobius_slope(solution.f, *parameters)
+        points = (samples @ sparse.diags_array(slope.conj())).tocsr()
+        # From an adjoint of a potential to the gradient by nu, real parts above imaginary ones:
+        # sparse (2 N, V), without a dense array.
+        to_nodes, at_faces, chains = self.to_faces.T.tocsr(), self.to_faces @ nu, []
+        for sensitivity in solution.sensitivities:
+            by_mu = sensitivity.tocoo()
+            data = bounded_pullback(at_faces[by_mu.row], by_mu.data)
+            chain = to_nodes @ sparse.csr_array((data, by_mu.coords), shape=by_mu.shape)
+            chains.append(sparse.vstack([chain.real, chain.imag]).tocsr())
+        size = len(nu)
+        parts = [np.zeros((2, 0, size), complex)]
+        for first in range(0, points.shape[0], POINTS_AT_ONCE):
+            adjoints = solution.adjoints(points[first : first + POINTS_AT_ONCE])
+            by_nu = sum(chain @ adjoint for chain, adjoint in zip(chains, adjoints))
+            parts.append((by_nu[:size] + 1j * by_nu[size:]).T.reshape(2, -1, size))
+        return np.concatenate(parts, axis=1)
+
+
+@lru_cache(maxsize=8)
+def on_itself(mesh):
+    """The `CoefficientMesh` of a polar `Disk` that carries nu and is mapped itself, made once."""
+    return CoefficientMesh(mesh, mesh)

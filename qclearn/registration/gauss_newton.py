@@ -4,12 +4,11 @@ A `GaussNewtonObjective` is `nu^* W nu + |r|^2`: a prior of the coefficient fiel
 r of the mapped mesh, `dr = Re(conj(R) dw)`, from landmarks, features and areas. Its `step`
 linearises r at a `State`, solves the quadratic model, and searches along the solution.
 
-Three classes solve the model; `propose()` returns a `Change`. `DirectStep` (landmarks on the
-polar mesh) holds the whole derivative D of r by nu. `DualStep` (landmarks on another mesh) and
-`PrimalStep` (features or areas, on any mesh) multiply by D through `pushforward` and by its
-transpose through `pullback`, two solves of the map's equations per product, in conjugate gradients.
-The landmarks' rows of D, in closed form, precondition these, and the products of one step correct
-the preconditioner of the next.
+Two classes solve the model; `propose()` returns a `Change`. `DualStep` (landmarks alone) and
+`PrimalStep` (features or areas) multiply by D, the derivative of r, through `pushforward` and by
+its transpose through `pullback`, two solves of the map's equations per product, in conjugate
+gradients. The landmarks' rows of D on the mesh of nu precondition these, and the products of one
+step correct the preconditioner of the next.
 """
 
 from copy import copy
@@ -26,8 +25,7 @@ from ..plane.bijectivity import unfold
 from ..plane.coefficients import bounded_pullback
 from ..plane.linear import factorise
 from ..plane.mobius import best_mobius, compose_mobius, mobius, mobius_fields, mobius_slope
-from ..plane.solver import DiskSolver
-from ..plane.tangent import Tangent
+from ..plane.solver import DiskSolver, on_itself
 from .residuals import LandmarkTerm
 
 # A weak prior that bounds the step of the three Möbius parameters.
@@ -67,8 +65,6 @@ SUFFICIENT_DECREASE = 0.3
 DAMPINGS = 10.0 ** np.arange(-1, 10)
 TRUST = 0.3
 TRIES = 4
-# Landmarks whose adjoint equations are solved together, which bounds the memory.
-LANDMARKS_AT_ONCE = 16
 
 # Work of a level, in parts of one exact map: of a product with D and its transpose, and of a round
 # of the repair.
@@ -90,39 +86,6 @@ class Change(NamedTuple):
     da: complex
     dtheta: float
     promised: float
-
-
-class DirectStep:
-    """Landmarks alone with their whole derivative D: the dual equations `S y = r - D nu`, `S = 1 +
-    D W^-1 D^T`, whose solution y is the residual that the step leaves."""
-
-    preconditioner = None
-
-    def __init__(self, objective, state, gamma):
-        self.nu = state.nu
-        self.residual = objective.residual(state, gamma)
-        self.D = objective.jacobian(state, gamma)
-        fields = objective.samples @ mobius_fields(state.f)
-        self.by_mobius = objective.landmarks.components(fields, gamma)
-        self.lifted = objective.solve_prior(self.D.T)
-        self.gram = (self.D.conj() @ self.lifted).real
-
-    def propose(self, damping=0.0):
-        """The `Change` by one dense solve of the landmarks' size; damping d adds `d (change^* W
-        change)` to the model, and the same for the Möbius part."""
-        share, weight = 1 / (1 + damping), MOBIUS_PRIOR + damping
-        gram = share * self.gram + self.by_mobius @ self.by_mobius.T / weight
-        constant = self.residual - share * (self.D.conj() @ self.nu).real
-        y = solve_dual(gram, constant)
-        turn, real, imaginary = -self.by_mobius.T @ y / weight
-        # Undamped, the model's least objective is constant . y.
-        nu = -share * (self.lifted @ y + self.nu)
-        return Change(nu, complex(real, imaginary), turn, constant @ y)
-
-
-def solve_dual(gram, constant):
-    """y of `(1 + gram) y = constant`: the dual equations of a Gauss-Newton step."""
-    return np.linalg.solve(np.eye(len(gram)) + gram, constant)
 
 
 class ProductStep:
@@ -209,7 +172,8 @@ def conjugate_gradients(product, precondition, rest, directions):
 
 
 class DualStep(ProductStep):
-    """Landmarks alone, the equations of `DirectStep` by products: `S = 1 + D diag(W, B)^-1 D^T`.
+    """Landmarks alone: the dual equations `S y = r - D nu`, `S = 1 + D diag(W, B)^-1 D^T`, whose
+    solution y is the residual that the step leaves.
 
     A matrix near S preconditions well at any gamma; one near `W + D^T D` does not, because that is
     large where D is not quite 0. preconditioner: about `D W^-1 D^T` at gamma = 1, (2 M, 2 M).
@@ -217,12 +181,13 @@ class DualStep(ProductStep):
 
     def __init__(self, objective, state, gamma):
         super().__init__(objective, state, gamma)
-        if self.preconditioner is None:  # at the first state, from the closed form
-            D = objective.approximate_jacobian(state, 1.0)
+        if self.preconditioner is None:  # at the first state, on the mesh of nu
+            D = objective.jacobian(state, 1.0)
             self.preconditioner = (D.conj() @ objective.solve_prior(D.T)).real
 
     def propose(self, damping=0.0):
-        """The `Change` by conjugate gradients; damping as of `DirectStep.propose`."""
+        """The `Change` by conjugate gradients; damping d adds `d (change^* W change)` to the model,
+        and the same for the Möbius part."""
         share, weight = 1 / (1 + damping), MOBIUS_PRIOR + damping
         B = share * weight * np.eye(3)
         by_mobius = self.by_mobius
@@ -286,7 +251,7 @@ class PrimalStep(ProductStep):
         by_mobius = (self.rows_conj[len(self.by_mobius) :] @ self.fields).real
         self.B = MOBIUS_PRIOR * np.eye(3) + MOBIUS_SHARE * by_mobius.T @ by_mobius
         self.B += RELIEF * self.by_mobius.T @ self.by_mobius
-        by_nu = objective.approximate_jacobian(state, gamma)
+        by_nu = objective.jacobian(state, gamma)
         by_nu = np.ascontiguousarray(by_nu).view(float)
         self.D_L = np.hstack([by_nu, self.by_mobius])
         self.lifted = self.lift(self.D_L.T, self.B)
@@ -392,9 +357,9 @@ class Discretization:
         return shares, np.divide(sums, shares, out=np.zeros(len(sums)), where=shares > 0)
 
     @cached_property
-    def tangent(self):
-        """The derivative at the landmarks in closed form."""
-        return Tangent(self.coefficient_mesh, self.samples)
+    def polar_samples(self):
+        """Sparse (M, N): nu's mesh at the moving landmarks."""
+        return self.coefficient_mesh.mesh.interpolation(self.problem.moving)
 
 
 class GaussNewtonObjective:
@@ -428,9 +393,7 @@ class GaussNewtonObjective:
 
     def at(self, nu, parameters):
         """The state with nu (N,) and Möbius parameters (a, theta): one solve."""
-        solution = copy(self.coefficient_mesh.solver)
-        solution.solve(self.coefficient_mesh.coefficient(nu))
-        state = self.state(nu, parameters, solution)
+        state = self.state(nu, parameters, self.coefficient_mesh.solution(nu))
         self.work += 1 + REPAIR_WORK * state.rounds
         return state
 
@@ -487,45 +450,19 @@ class GaussNewtonObjective:
         return abs(state.points - self.problem.target).mean()
 
     def jacobian(self, state, gamma):
-        """Gradients of the landmarks' residual by nu, complex (2 M, N), by adjoint solves."""
-        return self.landmarks.jacobian(*self.exact_gradients(state), gamma)
-
-    def approximate_jacobian(self, state, gamma):
-        """The same to precondition exact products: in closed form, a few percent off and without a
-        solve; on the mesh of nu, where adjoint solves cost little, the exact one."""
-        if self.discretization.on_nu_mesh:
-            return self.jacobian(state, gamma)
-        f = state.solution.f
-        slope = self.samples @ mobius_slope(f, *state.mobius)
-        gradients = self.discretization.tangent.gradients(state.nu, f)
-        return self.landmarks.jacobian(*gradients, gamma, slope)
-
-    def exact_gradients(self, state):
-        """Gradients of Re w and Im w of the mapped landmarks by nu, complex (2, M, N)."""
-        solution, size = state.solution, len(state.nu)
-        slope = mobius_slope(solution.f, *state.mobius)
-        points = (self.samples @ sparse.diags_array(slope.conj())).tocsr()
-        parts = [np.zeros((2, 0, size), complex)]
-        chains = [self.chain(state, by_mu) for by_mu in solution.sensitivities]
-        for first in range(0, points.shape[0], LANDMARKS_AT_ONCE):
-            adjoints = solution.adjoints(points[first : first + LANDMARKS_AT_ONCE])
-            by_nu = sum(chain @ adjoint for chain, adjoint in zip(chains, adjoints))
-            parts.append((by_nu[:size] + 1j * by_nu[size:]).T.reshape(2, -1, size))
-        return np.concatenate(parts, axis=1)
-
-    def chain(self, state, sensitivity):
-        """Sparse real (2 N, V): an adjoint of a potential to the gradient by nu, Re above Im,
-        without a dense array."""
-        by_mu, to_faces = sensitivity.tocoo(), self.coefficient_mesh.to_faces
-        data = bounded_pullback((to_faces @ state.nu)[by_mu.row], by_mu.data)
-        by_nu = sparse.csr_array((data, (by_mu.row, by_mu.col)), shape=by_mu.shape)
-        chain = to_faces.T.tocsr() @ by_nu
-        return sparse.vstack([chain.real, chain.imag]).tocsr()
+        """Gradients of the landmarks' residual by nu, complex (2 M, N), by adjoint solves on the
+        mesh of nu: the exact ones there, and elsewhere near enough to precondition with."""
+        on_polar, solution = self.coefficient_mesh, state.solution
+        if not self.discretization.on_nu_mesh:
+            on_polar = on_itself(on_polar.mesh)
+            solution = on_polar.solution(state.nu)
+        samples = self.discretization.polar_samples
+        gradients = on_polar.gradients(state.nu, solution, samples, state.mobius)
+        return self.landmarks.jacobian(*gradients, gamma)
 
     def linearise(self, state, gamma):
         """The quadratic model at a state, ready to `propose` a `Change`."""
-        alone = DirectStep if self.discretization.on_nu_mesh else DualStep
-        return (PrimalStep if self.terms else alone)(self, state, gamma)
+        return (PrimalStep if self.terms else DualStep)(self, state, gamma)
 
     def step(self, state, gamma, min_predicted_decrease=0.0):
         """The state after one step; None where none lowers the objective or the model promises less

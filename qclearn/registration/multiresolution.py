@@ -6,7 +6,6 @@ valley. The last levels map the caller's mesh.
 """
 
 from dataclasses import replace
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +14,7 @@ from ..plane.checks import check_coefficient
 from ..plane.coefficients import unbounded
 from ..plane.grids import polar
 from ..plane.linear import LARGE
-from ..plane.tangent import CoefficientMesh
+from ..plane.solver import CoefficientMesh, on_itself
 from .features import FINEST, Smoothing
 from .gauss_newton import MIN_DECREASE, Discretization, GaussNewtonObjective, State
 from .problem import LandmarkError
@@ -162,7 +161,7 @@ class MultiresolutionFit:
         if key not in self.discretizations:
             rings, on_nu_mesh = level.rings, level.on_nu_mesh
             disk = polar(level.proxy_rings) if level.proxy_rings else self.problem.disk
-            mesh = polar_mesh(rings) if on_nu_mesh else CoefficientMesh(disk, polar(rings))
+            mesh = on_itself(polar(rings)) if on_nu_mesh else CoefficientMesh(disk, polar(rings))
             self.discretizations[key] = Discretization(self.problem, mesh, on_nu_mesh)
         return self.discretizations[key]
 
@@ -254,12 +253,6 @@ class MultiresolutionFit:
             return state.nu
         known, begin = (start_field(self.problem.disk, start_mu, mesh) for mesh in (old, new))
         return old.interpolation(new.z) @ (state.nu - known) + begin
-
-
-@lru_cache(maxsize=8)
-def polar_mesh(rings):
-    """The `CoefficientMesh` of a polar mesh that carries nu and is mapped itself."""
-    return CoefficientMesh(polar(rings), polar(rings))
 
 
 def run_level(objective, state, level, enough=0.0):

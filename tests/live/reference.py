@@ -7,15 +7,17 @@ import shutil
 import subprocess
 import tempfile
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 
 from qcbook.live import GIVEN, given
 from qclearn.plane.grids import POWER, polar
-from qclearn.plane.tangent import CoefficientMesh
-from qclearn.registration.gauss_newton import DirectStep, Discretization, GaussNewtonObjective
-from qclearn.registration.multiresolution import FIRST_GAMMA, polar_mesh
+from qclearn.plane.solver import CoefficientMesh, on_itself
+from qclearn.registration import gauss_newton
+from qclearn.registration.gauss_newton import Discretization, GaussNewtonObjective
+from qclearn.registration.multiresolution import FIRST_GAMMA
 from qclearn.registration.problem import Problem, Weights
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -75,7 +77,15 @@ class WholeSteps(GaussNewtonObjective):
     spent = False
 
     def linearise(self, state, gamma):
-        return DirectStep(self, state, gamma)
+        return WholeStep(self, state, gamma)
+
+
+class WholeStep(gauss_newton.DualStep):
+    """A step whose equations are solved to rounding."""
+
+    def propose(self, damping=0.0):
+        with patch.multiple(gauss_newton, SMALL_GAIN=0.0, FORCING=1e-14):
+            return super().propose(damping)
 
 
 def fit_in_steps(asked, on_coarse, on_fine):
@@ -88,7 +98,7 @@ def fit_in_steps(asked, on_coarse, on_fine):
     points = numbers(asked["moving"]), numbers(asked["target"])
     problem = Problem(FINE_MESH, *points, np.array(asked["curve"]), asked["sliding"])
     weights = Weights(asked["alpha"], asked["beta"], asked["gamma"])
-    coarse = GaussNewtonObjective(Discretization(problem, polar_mesh(12), on_nu_mesh=True), weights)
+    coarse = WholeSteps(Discretization(problem, on_itself(polar(12)), on_nu_mesh=True), weights)
     state, gamma = (coarse.at(np.zeros(len(COARSE_MESH.z), complex), problem.mobius), weights.gamma / 10)
     levels = 10.0 ** np.arange(np.log10(min(FIRST_GAMMA, gamma)), np.log10(gamma) - 1e-9)
     state = steps(coarse, state, [*levels, *[gamma] * (on_coarse - len(levels))])

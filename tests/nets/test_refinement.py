@@ -11,7 +11,7 @@ from qclearn.nets.refinement import CoefficientRefinement
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import Spectrum, polar_disk, square_disk
 from qclearn.plane.mobius import best_mobius, mobius
-from qclearn.plane.tangent import CoefficientMesh
+from qclearn.plane.solver import CoefficientMesh
 from qclearn.registration.fit import exact_map, fit_problem
 from qclearn.registration.gauss_newton import Discretization, GaussNewtonObjective
 from qclearn.registration.problem import Problem, Weights

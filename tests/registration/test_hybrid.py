@@ -11,7 +11,7 @@ from exactmaps import TWIST
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.mobius import compose_mobius, mobius, mobius_inverse
-from qclearn.plane.tangent import CoefficientMesh
+from qclearn.plane.solver import CoefficientMesh
 from qclearn.registration import gauss_newton
 from qclearn.registration.features import Feature, featured, mobius_by_features
 from qclearn.registration.fit import fit_problem, fit_registration, mobius_instead

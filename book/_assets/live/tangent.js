@@ -1,4 +1,4 @@
-// The derivative of a disk map in closed form (plane/tangent.py): what a change of nu on one polar mesh, the carrier's,
+// The derivative of a disk map in closed form (nets/tangent.py): what a change of nu on one polar mesh, the carrier's,
 // does to points of another one that is mapped, without a solve, up to what Möbius maps do.
 import { activation, toPairs, zeros } from "./complex.js";
 import { sample } from "./mesh.js";

@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 
 from meshes import random_disk
+from qclearn.nets.tangent import FINER, Tangent, hats_inside
 from qclearn.plane.coefficients import bounded, bounded_pullback
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar, polar_disk, square_disk
 from qclearn.plane.linear import factorise
-from qclearn.plane.tangent import FINER, CoefficientMesh, Tangent, hats_inside
+from qclearn.plane.solver import CoefficientMesh
 
 POINTS = np.array([0.05, 0.3 + 0.2j, -0.62j, -0.8 + 0.1j, 0.97 * np.exp(2j)])
 

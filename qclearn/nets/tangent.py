@@ -1,6 +1,5 @@
-"""`CoefficientMesh`, the polar mesh of a coefficient beside the mesh that is mapped; and `Tangent`,
-the derivative of a disk map in closed form: what a change of its coefficient does to some points,
-without a solve.
+"""`Tangent`, the derivative of a disk map in closed form: what a change of its coefficient does to
+some points, without a solve.
 
 For the map f of the unit disk with coefficient mu, f(0) = 0 and f(1) = 1, a change dmu moves f(p)
 by
@@ -11,42 +10,18 @@ integrals over the disk: the first variation at the identity, carried by f, in w
 cancels. Source: Ahlfors, Lectures on Quasiconformal Mappings, chapter V.
 """
 
-from functools import cached_property
+from functools import lru_cache
 
 import numpy as np
 import scipy
 from scipy import sparse
 
-from .coefficients import bounded, bounded_pullback
-from .disk import pairs
-from .linear import around_vertices, middles, three_a_row
-from .solver import DiskSolver
+from ..plane.coefficients import bounded_pullback
+from ..plane.disk import pairs
+from ..plane.linear import around_vertices, middles, three_a_row
 
 REACH = 1.8  # cells: from where on a node stands for its cell in the integral
 FINER = 3  # nearer than that, a triangle is cut into so many squared
-
-
-class CoefficientMesh:
-    """A polar `Disk` mesh, which carries nu (N,) at its vertices, beside the `Disk` that is mapped,
-    maybe itself."""
-
-    def __init__(self, disk, mesh):
-        self.disk, self.mesh = disk, mesh
-        self.solver = DiskSolver(disk)
-        _ = self.solver.calibration  # cached here, so that copies of the solver have it
-        # By the area of the disk: terms are means over it.
-        self.mass = mesh.mass / np.pi
-        self.laplace = mesh.laplace / np.pi
-        self.to_faces = mesh.to_faces if disk is mesh else mesh.interpolation(disk.centroids)
-
-    @cached_property
-    def carrier(self):
-        """What derivatives in closed form need of both meshes."""
-        return Carrier(self.disk, self.mesh)
-
-    def coefficient(self, nu):
-        """mu (F,) on the faces of the mapped mesh of nu (N,)."""
-        return bounded(self.to_faces @ nu)
 
 
 class Carrier:
@@ -69,6 +44,9 @@ class Carrier:
         self.values_fine = disk.interpolation(self.hats @ self.z)
 
 
+carrier_of = lru_cache(maxsize=8)(Carrier)
+
+
 class Tangent:
     """Derivatives of maps at points `samples @ z` by a field nu on a polar mesh, mu = T(nu).
 
@@ -78,7 +56,7 @@ class Tangent:
     """
 
     def __init__(self, coefficient_mesh, samples):
-        self.carrier = coefficient_mesh.carrier
+        self.carrier = carrier_of(coefficient_mesh.disk, coefficient_mesh.mesh)
         solver = coefficient_mesh.solver
         # The points by the corners of their triangles and barycentric coordinates, (P + 2, 3).
         # After the samples come 0 and 1, which the map holds.
