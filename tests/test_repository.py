@@ -16,6 +16,7 @@ ROOT = Path(__file__).resolve().parent.parent
 NOTEBOOKS = sorted((ROOT / "book").glob("*.ipynb"))
 PAGES = [*NOTEBOOKS, *sorted((ROOT / "book").glob("*.md"))]
 LONGEST_CELL = 30
+MOST_IMPORTS = 6
 WIDEST_LINE = 76  # what the site shows without sideways scrolling
 # Somebody's folder, absolute or as seen from here.
 MACHINE_PATH = re.compile(r"(?<![\w.:/-])/(?:root|home|work|Users|tmp)/\w+|\.\./share[d]\b|file:///\w")
@@ -74,10 +75,15 @@ def test_pages_grow_subjects_of_the_generation_that_was_measured():
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_cells_are_short(path):
-    cells = nbformat.read(path, as_version=4).cells
-    lengths = {i: len(cell.source.splitlines()) for i, cell in enumerate(cells) if cell.cell_type == "code"}
-    assert {i: length for i, length in lengths.items() if length > LONGEST_CELL} == {}
+def test_cells_are_short_and_visible_ones_have_few_imports(path):
+    cells = [cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"]
+    assert {cell.id: cell.source for cell in cells if len(cell.source.splitlines()) > LONGEST_CELL} == {}
+    imports = {
+        cell.id: len(re.findall(r"^\s*(?:import|from) ", cell.source, re.MULTILINE))
+        for cell in cells
+        if "hide-input" not in cell.metadata.get("tags", [])
+    }
+    assert {name: count for name, count in imports.items() if count > MOST_IMPORTS} == {}
 
 
 def code_of(cell, number):

@@ -1,5 +1,4 @@
-"""Cells on the site: long imports are folded, and a folded cell that prints nothing has no bar of
-its own."""
+"""Cells on the site: a folded cell that prints nothing has no bar of its own."""
 
 from docutils import nodes
 from docutils.utils import new_document
@@ -35,13 +34,6 @@ def test_a_folded_cell_that_prints_nothing_joins_the_next_folded_one():
 def test_it_stays_where_visible_code_comes_first():
     cells = cell("a = 1", True), cell("b = 2", False), cell("print(a)", True, True)
     assert joined(*cells) == [("input", ["a = 1"]), (None, ["b = 2"]), ("input", ["print(a)"])]
-
-
-def test_long_imports_are_folded():
-    imports = "\n".join(f"from a import b{k}" for k in range(7))
-    assert joined(cell(imports, False)) == [("input", [imports])]
-    for seen in (imports + "\nc = 1", imports.partition("\n")[2], "%matplotlib inline\n" * 8):
-        assert joined(cell(seen, False)) == [(None, [seen])]
 
 
 def test_shell_lines_of_a_help_text_are_code_and_stay_as_they_are():
