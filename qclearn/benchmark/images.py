@@ -7,7 +7,6 @@ import numpy as np
 from data_synth.correspondence import locate_on_sphere
 
 from ..plane.linear import interpolate
-from ..surfaces.checks import norms
 from ..surfaces.surface import SurfaceError
 from .methods.spheres import inward
 
@@ -43,7 +42,9 @@ class OnSphere:
         return self.sphere.whole.faces
 
     def locate(self, points):
-        return locate_on_sphere(self.sphere.points, self.faces, points / norms(points)[:, None])
+        return locate_on_sphere(
+            self.sphere.points, self.faces, points / np.linalg.norm(points, axis=1)[:, None]
+        )
 
     def values(self, values, places):
         wall = len(self.sphere.points) - len(values)

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..surfaces.checks import places_of
 from ..surfaces.opening import open_surface
-from ..surfaces.surface import Surface, SurfaceError
+from ..surfaces.surface import Surface, SurfaceError, places_of
 from .meshes import read_surface
 from .values import read_mask
 

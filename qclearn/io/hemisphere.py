@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..surfaces.checks import components, places_of
+from ..surfaces.checks import components
 from ..surfaces.opening import open_surface
-from ..surfaces.surface import Mesh, Surface, SurfaceError, require_outward
+from ..surfaces.surface import Mesh, Surface, SurfaceError, places_of, require_outward
 from .frames import Frame
 from .fsaverage import fsaverage5, whole_fsaverage5
 from .meshes import frame_of, read_mesh, surface_of

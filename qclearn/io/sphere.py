@@ -13,7 +13,6 @@ from scipy import sparse
 
 from ..plane.disk import Disk
 from ..plane.linear import Dirichlet, assemble, edge_lengths
-from ..surfaces.checks import norms
 from ..surfaces.surface import Surface, SurfaceError
 
 RADIUS = 100.0  # of the spheres of FreeSurfer and of Workbench, mm
@@ -85,7 +84,11 @@ def untangled(
 
 def stored(points):
     """Points (n, 3) put on the sphere of RADIUS, as float32 holds them."""
-    return (points * (RADIUS / norms(points)[:, None])).astype(np.float32).astype(float)
+    return (
+        (points * (RADIUS / np.linalg.norm(points, axis=1)[:, None]))
+        .astype(np.float32)
+        .astype(float)
+    )
 
 
 def too_small(p, faces):
@@ -150,9 +153,9 @@ def least_moves(p, faces, active, rank, steps):
 
 def across(p):
     """Two orthonormal directions across each point (n, 3) of a sphere around 0, (n, 2, 3)."""
-    third = p / norms(p)[:, None]
+    third = p / np.linalg.norm(p, axis=1)[:, None]
     first = np.cross(third, np.eye(3)[abs(third).argmin(1)])
-    first /= norms(first)[:, None]
+    first /= np.linalg.norm(first, axis=1)[:, None]
     return np.stack([first, np.cross(third, first)], 1)
 
 
@@ -267,7 +270,7 @@ def drawn_in(z, rim):
 
 def around(rim):
     """Angles (B,) from 0 of the points of a closed line (B, 3), by its length."""
-    steps = np.cumsum(norms(np.roll(rim, -1, axis=0) - rim))
+    steps = np.cumsum(np.linalg.norm(np.roll(rim, -1, axis=0) - rim, axis=1))
     return 2 * np.pi * np.r_[0, steps[:-1]] / steps[-1]
 
 
@@ -330,7 +333,7 @@ def unit_sphere(sphere, faces):
         raise SurfaceError(
             "its faces are not the control's: the sphere of another subject; give the control's own"
         )
-    radii = norms(sphere.vertices)
+    radii = np.linalg.norm(sphere.vertices, axis=1)
     if not radii.max() < ROUND * radii.min():
         raise SurfaceError(no_sphere(sphere.vertices, radii))
     if sphere.volume < 0:
@@ -350,7 +353,7 @@ def no_sphere(vertices, radii):
     """Why vertices (V, 3) at distances `radii` (V,) from 0 are no sphere around it, a message."""
     equations = np.column_stack([2 * vertices, np.ones(len(vertices))])
     centre = np.linalg.lstsq(equations, radii**2)[0][:3]
-    off = norms(vertices - centre)
+    off = np.linalg.norm(vertices - centre, axis=1)
     if off.max() <= ROUND * off.min():
         place = ", ".join(f"{x:.1f}" for x in centre.round(1) + 0.0)  # no -0.0
         return (

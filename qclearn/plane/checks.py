@@ -14,6 +14,14 @@ class SurfaceError(ValueError):
     what to do."""
 
 
+def read_only(array):
+    """The array, or a copy where the caller could write to it."""
+    if array.flags.writeable or array.base is not None:
+        array = array.copy()
+        array.flags.writeable = False
+    return array
+
+
 def complex_numbers(values, name):
     """An array as complex128, or BeltramiError."""
     try:

@@ -11,7 +11,14 @@ from jaxtyping import Complex, Float, Integer
 from numpy import ndarray
 from scipy import sparse
 
-from .checks import BeltramiError, check_coefficient, check_map, check_mesh, planar_points
+from .checks import (
+    BeltramiError,
+    check_coefficient,
+    check_map,
+    check_mesh,
+    planar_points,
+    read_only,
+)
 from .coefficients import diffuse
 from .linear import assemble, interpolate, opposite_edges, three_a_row
 
@@ -311,14 +318,6 @@ class Disk:
                 f"(first: {self.flipped[:5].tolist()}): a map of it cannot be certified"
             )
         return self.at(f).certificate
-
-
-def read_only(array):
-    """The array, or a copy where the caller could write to it."""
-    if array.flags.writeable or array.base is not None:
-        array = array.copy()
-        array.flags.writeable = False
-    return array
 
 
 def integers(x):

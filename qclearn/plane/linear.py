@@ -184,6 +184,17 @@ def face_areas(vertices, faces):
     return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
 
+def degenerate_faces(vertices, faces):
+    """Indices (k,) of faces with a repeated vertex, or with a height over the longest side below
+    rounding."""
+    a, b, c = (vertices[corner] for corner in faces.T)
+    longest = np.linalg.norm([b - a, c - b, a - c], axis=2).max(0)
+    repeated = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
+    rounding = 8 * np.finfo(float).eps * np.nanmax(np.abs(vertices))  # NaN: of a torn wall
+    twice = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return np.flatnonzero(repeated | (twice <= rounding * longest))
+
+
 def around_vertices(values, faces, n_vertices=0):
     """The sum (V,) of values (F,) over the faces around each vertex."""
     return np.bincount(faces.ravel(), np.repeat(values, 3), n_vertices)

@@ -14,8 +14,7 @@ import numpy as np
 
 from ..plane.linear import face_areas
 from ..plane.mobius import nearest_mobius
-from ..surfaces.checks import places_of
-from ..surfaces.surface import SurfaceError, closing_fans
+from ..surfaces.surface import SurfaceError, closing_fans, places_of
 from ..surfaces.units import size_of
 from .curves import SIDES
 from .features import FOLDS, SCALE, align_by_features, check_features, featured

@@ -15,9 +15,8 @@ import scipy
 from scipy import sparse
 
 from ..plane.grids import thinned
-from ..plane.linear import LARGE, around_vertices, heat_flow
+from ..plane.linear import LARGE, around_vertices, degenerate_faces, heat_flow
 from ..plane.mobius import centring_mobius, compose_mobius, mobius, mobius_fields
-from ..surfaces.checks import degenerate_faces
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import Surface, SurfaceError, closing_fans
 from .problem import is_finite

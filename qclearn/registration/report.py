@@ -6,9 +6,8 @@ from importlib.metadata import version
 
 import numpy as np
 
-from ..plane.linear import around_vertices, face_areas
+from ..plane.linear import around_vertices, degenerate_faces, face_areas
 from ..plane.mobius import mobius
-from ..surfaces.checks import degenerate_faces
 from ..surfaces.units import other_units, relative_units, size_of
 from .curves import POINTS_PER_CURVE, SIDES, curve_distance, curves_in_space, sample_curve
 from .diagnose import FEWEST, align_by_folds, astray, differing_walls, disagreeing, reasons, worse

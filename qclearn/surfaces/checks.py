@@ -5,17 +5,12 @@ import scipy
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from ..plane.checks import SurfaceError, counted, some
+from ..plane.checks import SurfaceError, counted, read_only, some
+from ..plane.linear import degenerate_faces
 
 LARGEST = 1e60  # of a coordinate: a squared area, its fourth power, is still a number
 ONE_PLACE = 1e-10  # of the boundary's length: points that near to each other lie in one place
 LOOSE = 0.01  # of the vertices that a cut leaves may lie apart
-
-
-def frozen(array):
-    """The array, read-only from now on."""
-    array.flags.writeable = False
-    return array
 
 
 def origins(numbers, n_vertices):
@@ -30,14 +25,7 @@ def origins(numbers, n_vertices):
             f"number twice, and not {numbers.dtype} of shape {numbers.shape}; give the second "
             "result of open_surface, or leave them out"
         )
-    return frozen(numbers.astype(np.int64))
-
-
-def places_of(numbers, table):
-    """Where numbers (n, ...) stand in a table (V,) of different ones, -1 for those it lacks."""
-    places = np.full(max(table.max(), numbers.max()) + 1, -1)
-    places[table] = np.arange(len(table))
-    return places[numbers]
+    return read_only(numbers.astype(np.int64))
 
 
 def vertex_array(vertices, finite=True):
@@ -64,7 +52,7 @@ def vertex_array(vertices, finite=True):
             "= 0"
         )
     if not finite:
-        return frozen(vertices)
+        return read_only(vertices)
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if bad.size:
         raise SurfaceError(
@@ -78,7 +66,7 @@ def vertex_array(vertices, finite=True):
             f"{some(far)}. Areas and volumes would overflow; give the surface in millimetres, or "
             "export it again if it is damaged"
         )
-    return frozen(vertices)
+    return read_only(vertices)
 
 
 def curve_path(name, path, n_vertices):
@@ -92,7 +80,7 @@ def curve_path(name, path, n_vertices):
             f"curve '{name}' names vertices that do not exist: {some(bad)}; indices run from 0 to "
             f"{n_vertices - 1}: take the curve from this very surface"
         )
-    return frozen(path.astype(np.int64))
+    return read_only(path.astype(np.int64))
 
 
 def check_shapes(vertices, faces, torn=False):
@@ -112,21 +100,6 @@ def check_shapes(vertices, faces, torn=False):
             "vertex twice: the numbers stay. They do not matter where a label cuts them away "
             "(`qclearn open`, --cortex)"
         )
-
-
-def degenerate_faces(vertices, faces):
-    """Indices (k,) of faces with a repeated vertex, or with a height over the longest side below
-    rounding."""
-    a, b, c = (vertices[corner] for corner in faces.T)
-    longest = np.maximum.reduce([norms(b - a), norms(c - b), norms(a - c)])
-    repeated = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
-    rounding = 8 * np.finfo(float).eps * np.nanmax(np.abs(vertices))  # NaN: of a torn wall
-    return np.flatnonzero(repeated | (norms(np.cross(b - a, c - a)) <= rounding * longest))
-
-
-def norms(vectors):
-    """Lengths (n,) of vectors (n, 3)."""
-    return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
 
 
 def _check_duplicates(faces):
@@ -176,13 +149,30 @@ def check_topology(vertices, faces, torn=None):
         )
     single = order[first[count == 1]]
     boundary = np.stack([tails[single], heads[single]], axis=1)
-    _check_seam(vertices, boundary)
-    _check_connected(n_vertices, edges, torn)
+    pairs = doubled(vertices, boundary)
+    if len(pairs):
+        raise SurfaceError(
+            f"points doubled along a seam: {counted(pairs, 'pair')} of vertices in one place: "
+            f"{some(pairs)}. Merge them: --merge (library: read_surface(..., merge=True)); the "
+            "others keep their numbers, in original_vertices"
+        )
+    # The vertices that matter hang together.
+    _, label = components(n_vertices, edges)
+    sizes = np.bincount(label, torn).astype(int)
+    if sizes.sum() - sizes.max() > (0 if torn is None else LOOSE * sizes.sum()):
+        firsts = np.unique(label, return_index=True)[1]
+        parts = [k for k in np.argsort(-sizes) if sizes[k]]
+        listed = [f"{sizes[k]} vertices around vertex {firsts[k]}" for k in parts]
+        raise SurfaceError(
+            f"the surface has {len(parts)} components: {some(listed)}. Give each "
+            "hemisphere in a file of its own, and name the vertices of loose pieces in the mask of "
+            "`qclearn open`: the others keep their numbers"
+        )
     if torn is None:
         _check_fans(n_vertices, faces, one, two)
     edge_faces = np.stack([order[first] // 3, np.full(len(edges), -1)], axis=1)
     edge_faces[count == 2, 1] = two // 3
-    return frozen(edges), frozen(edge_faces), boundary
+    return read_only(edges), read_only(edge_faces), boundary
 
 
 def doubled(vertices, boundary):
@@ -208,30 +198,6 @@ def merged_numbers(vertices, faces):
     _, edge, count = np.unique(ends, return_inverse=True, return_counts=True)
     _, label = components(len(vertices), doubled(vertices, half_edges[count[edge] == 1]))
     return np.unique(label, return_index=True)[1][label]
-
-
-def _check_seam(vertices, boundary):
-    pairs = doubled(vertices, boundary)
-    if len(pairs):
-        raise SurfaceError(
-            f"points doubled along a seam: {counted(pairs, 'pair')} of vertices in one place: "
-            f"{some(pairs)}. Merge them: --merge (library: read_surface(..., merge=True)); the "
-            "others keep their numbers, in original_vertices"
-        )
-
-
-def _check_connected(n_vertices, edges, judged):
-    _, label = components(n_vertices, edges)
-    sizes = np.bincount(label, judged).astype(int)
-    if sizes.sum() - sizes.max() > (0 if judged is None else LOOSE * sizes.sum()):
-        firsts = np.unique(label, return_index=True)[1]
-        order = [k for k in np.argsort(-sizes) if sizes[k]]
-        listed = [f"{sizes[k]} vertices around vertex {firsts[k]}" for k in order]
-        raise SurfaceError(
-            f"the surface has {len(order)} components: {some(listed)}. Give each "
-            "hemisphere in a file of its own, and name the vertices of loose pieces in the mask of "
-            "`qclearn open`: the others keep their numbers"
-        )
 
 
 def _check_fans(n_vertices, faces, one, two):

@@ -37,8 +37,15 @@ def _conformal_map(surface):
     problem = Dirichlet(surface.stiffness, loop)
     corners = surface.vertices[loop]
     rim = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
-    free = FreeBoundary(problem, rim, _central_vertex(surface, problem, rim))
     share = surface.vertex_areas / surface.area
+    # The map is centred at the inner vertex nearest the area centroid of the harmonic embedding
+    # with its boundary by arc length.
+    if not len(problem.free):
+        raise SurfaceError("the surface has no interior vertex; refine it")
+    arc = np.concatenate([[0.0], np.cumsum(rim[:-1])]) / rim.sum()
+    f = problem.solve(np.exp(2j * np.pi * arc))
+    centre = problem.free[abs(f[problem.free] - share @ f).argmin()]
+    free = FreeBoundary(problem, rim, centre)
     f = mobius(free.f, centring_mobius(free.f, share))
 
     # The tip of a blind tube is lost in the disk: there, and only there, other weights.
@@ -80,16 +87,6 @@ def _turned(f, loop):
     f = f / f[loop[0]]
     f[loop] /= abs(f[loop])
     return f
-
-
-def _central_vertex(surface, problem, rim):
-    """The interior vertex nearest the area centroid of the harmonic embedding with boundary by arc
-    length."""
-    if not len(problem.free):
-        raise SurfaceError("the surface has no interior vertex; refine it")
-    arc = np.concatenate([[0.0], np.cumsum(rim[:-1])]) / rim.sum()
-    f = problem.solve(np.exp(2j * np.pi * arc))
-    return problem.free[abs(f[problem.free] - surface.vertex_areas @ f / surface.area).argmin()]
 
 
 def _centre_and_unfold(surface, matrix, share, f):

@@ -10,10 +10,10 @@ from jaxtyping import Complex, Float
 from numpy import ndarray
 from scipy.sparse import coo_array
 
+from ..plane.checks import read_only
 from ..plane.disk import Disk
 from ..plane.grids import pixel_centres
 from ..plane.linear import LARGE, middles
-from .checks import frozen
 from .surface import Surface, SurfaceError, closing_fans
 
 # In units of sqrt(area of the convex hull): the radius of the ball that closes the sulci, and the
@@ -30,7 +30,7 @@ def _once(function):
     @wraps(function)
     def cached(surface):
         if surface not in values:
-            values[surface] = frozen(function(surface))
+            values[surface] = read_only(function(surface))
         return values[surface]
 
     return cached
@@ -48,40 +48,28 @@ def mean_curvature(surface: Surface) -> Float[ndarray, " V"]:
     its neighbours inside, as the rim pulls on it; SurfaceError where no vertex is inside.
     """
     pull = surface.stiffness @ surface.vertices
-    # The edges that leave each corner to the next and to the previous one, (F, 3, 3) each.
-    corners = surface.vertices[surface.faces]
+    # The edges that leave each corner to the next and to the previous one, (F, 3, 3) each, their
+    # squared lengths and products.
+    faces = surface.faces
+    corners = surface.vertices[faces]
     to_next = np.roll(corners, -1, axis=1) - corners
     to_last = np.roll(corners, 1, axis=1) - corners
-    area = _mixed_areas(surface.faces, to_next, to_last)
-    normal = _max_normals(surface.faces, to_next, to_last)
-    return _fill_boundary(surface, _dot(pull, normal) / (2 * area))
-
-
-def _dot(a, b):
-    return np.einsum("...k,...k->...", a, b)
-
-
-def _mixed_areas(faces, to_next, to_last):
-    """Voronoi areas (V,), but half of an obtuse triangle's area to its obtuse corner, a quarter to
-    each other one."""
-    dot = _dot(to_next, to_last)
+    next_squared, last_squared = np.vecdot(to_next, to_next), np.vecdot(to_last, to_last)
+    dot = np.vecdot(to_next, to_last)
+    # Mixed areas: Voronoi's, but half of an obtuse triangle's area to its obtuse corner, a quarter
+    # to each other one. The edge to the next corner lies opposite the last corner, and the other
+    # way round.
     double_area = np.linalg.norm(np.cross(to_next[:, 0], to_last[:, 0]), axis=1)[:, None]
-    # The edge to the next corner lies opposite the last corner, and the other way round.
-    one = _dot(to_next, to_next) * np.roll(dot, 1, axis=1)
-    other = _dot(to_last, to_last) * np.roll(dot, -1, axis=1)
-    voronoi = (one + other) / (8 * double_area)
+    voronoi = next_squared * np.roll(dot, 1, axis=1) + last_squared * np.roll(dot, -1, axis=1)
     obtuse = np.where(dot < 0, double_area / 4, double_area / 8)
-    areas = np.where((dot < 0).any(axis=1)[:, None], obtuse, voronoi)
-    return np.bincount(faces.ravel(), areas.ravel())
-
-
-def _max_normals(faces, to_next, to_last):
-    """Unit vertex normals (V, 3): sum of a x b / (|a|^2 |b|^2) over the corners, exact on any mesh
-    of a sphere."""
-    squares = _dot(to_next, to_next) * _dot(to_last, to_last)
-    parts = np.cross(to_next, to_last) / squares[..., None]
+    is_obtuse = (dot < 0).any(axis=1)[:, None]
+    areas = np.where(is_obtuse, obtuse, voronoi / (8 * double_area))
+    area = np.bincount(faces.ravel(), areas.ravel())
+    # Normals: the sum of a x b / (|a|^2 |b|^2) over the corners, exact on any mesh of a sphere.
+    parts = np.cross(to_next, to_last) / (next_squared * last_squared)[..., None]
     normal = np.stack([np.bincount(faces.ravel(), parts[..., k].ravel()) for k in range(3)], axis=1)
-    return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    return _fill_boundary(surface, np.vecdot(pull, normal) / (2 * area))
 
 
 def _fill_boundary(surface, values):
@@ -130,8 +118,15 @@ def sulcal_depth(surface: Surface) -> Float[ndarray, " V"]:
     margin = (radius + 4) * cell
     origin = vertices.min(axis=0) - margin
     shape = np.ceil((vertices.max(axis=0) + margin - origin) / cell).astype(int)
+    # Which voxel centres, `origin + cell * index`, lie inside the surface with its openings capped.
+    import pyvista  # slow to import, and nothing else here needs it
+
+    points, fans = closing_fans(surface)
+    body = pyvista.PolyData.from_regular_faces(points, np.vstack([surface.faces, fans]))
+    grid = pyvista.ImageData(dimensions=shape, spacing=(cell,) * 3, origin=origin)
+    mask = body.voxelize_binary_mask(reference_volume=grid)["mask"]
+    body = mask.reshape(shape[::-1]).transpose(2, 1, 0) > 0
     # The closing: the filled surface grown by the ball, and shrunk by it.
-    body = _filled(surface, origin, cell, shape)
     distance = scipy.ndimage.distance_transform_edt  # to the nearest voxel that is False
     dilated = scipy.ndimage.binary_fill_holes(distance(~body) <= radius)
     inward = distance(distance(dilated) > radius)
@@ -139,18 +134,6 @@ def sulcal_depth(surface: Surface) -> Float[ndarray, " V"]:
     # Half a voxel: the distance is to the nearest centre outside, the envelope lies between two
     # centres.
     return cell * np.maximum(depth - 0.5, 0)
-
-
-def _filled(surface, origin, cell, shape):
-    """Which voxel centres, `origin + cell * index`, lie inside the surface with its openings capped
-    by fans."""
-    import pyvista  # slow to import, and nothing else here needs it
-
-    points, fans = closing_fans(surface)
-    body = pyvista.PolyData.from_regular_faces(points, np.vstack([surface.faces, fans]))
-    grid = pyvista.ImageData(dimensions=shape, spacing=(cell,) * 3, origin=origin)
-    mask = body.voxelize_binary_mask(reference_volume=grid)["mask"]
-    return mask.reshape(shape[::-1]).transpose(2, 1, 0) > 0
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from ..plane.linear import Dirichlet
-from .checks import norms
 from .units import size_of
 
 SMALLEST = 1e-6  # edge in the unit disk: of folded cortex the shortest is 2e-5
@@ -27,7 +26,7 @@ def find_fingers(surface, z):
     length = abs(z[one] - z[two])
     short = (length < SMALLEST) & inner[one] & inner[two]
     some = np.flatnonzero(short)
-    in_space = norms(surface.vertices[one[some]] - surface.vertices[two[some]])
+    in_space = np.linalg.norm(surface.vertices[one[some]] - surface.vertices[two[some]], axis=1)
     short[some] = length[some] < SHRUNK * np.sqrt(np.pi / surface.area) * in_space
     fingers = []
     while short.any():
@@ -42,16 +41,6 @@ def find_fingers(surface, z):
         left &= ~piece
         short &= left[one] & left[two]
     return fingers
-
-
-def depths(surface, finger):
-    """Length in space, (V,), of the shortest edge path from each vertex to one outside a finger."""
-    one, two = surface.edges.T
-    lengths = norms(surface.vertices[one] - surface.vertices[two])
-    outside = np.ones(len(surface.vertices), bool)
-    outside[finger] = False
-    graph = _graph(one, two, lengths, len(outside))
-    return dijkstra(graph, directed=False, indices=np.flatnonzero(outside), min_only=True)
 
 
 def opened_rows(surface, fingers, matrix):
@@ -69,7 +58,7 @@ def opened_rows(surface, fingers, matrix):
     u = heat.solve(0.0, np.where(inside, surface.vertex_areas, 0.0)).real
     i, j = np.concatenate([surface.edges, surface.edges[:, ::-1]]).T
     i, j = i[inside[i]], j[inside[i]]
-    slope = (u[i] - u[j]) / norms(surface.vertices[i] - surface.vertices[j])
+    slope = (u[i] - u[j]) / np.linalg.norm(surface.vertices[i] - surface.vertices[j], axis=1)
     steepest = np.zeros(len(u))
     np.maximum.at(steepest, i, abs(slope))
     weights = OUTWARD ** (slope / steepest[i])
@@ -91,7 +80,12 @@ def finger_message(surface, finger):
     unit = size_of(surface).unit
     unit = f" {unit}" if unit else ""
     place = ", ".join(f"{x:.0f}" if unit else f"{x:.2g}" for x in surface.vertices[finger].mean(0))
-    length = depths(surface, finger)[finger].max()
+    # Its depth: the longest of the shortest edge paths out of it.
+    one, two = surface.edges.T
+    lengths = np.linalg.norm(surface.vertices[one] - surface.vertices[two], axis=1)
+    graph = _graph(one, two, lengths, len(surface.vertices))
+    outside = np.setdiff1d(np.arange(len(surface.vertices)), finger)
+    length = dijkstra(graph, directed=False, indices=outside, min_only=True)[finger].max()
     return (
         f"a finger of {len(finger)} vertices, {length:.3g}{unit} long, near ({place}){unit}: the "
         "map is not conformal there, and the fit leaves it out"

@@ -6,16 +6,8 @@ import numpy as np
 from jaxtyping import Bool, Integer
 from numpy import ndarray
 
-from .checks import (
-    LARGEST,
-    check_shapes,
-    check_topology,
-    components,
-    norms,
-    places_of,
-    vertex_array,
-)
-from .surface import Mesh, Surface, SurfaceError, require_disk
+from .checks import LARGEST, check_shapes, check_topology, components, vertex_array
+from .surface import Mesh, Surface, SurfaceError, places_of, require_disk
 
 
 def open_surface(
@@ -58,7 +50,15 @@ def open_surface(
             "away from the largest and would be filled; give a mask in one piece (the medial "
             "wall), or smooth this one"
         )
-    curves = {name: _renumbered(name, path, vertices) for name, path in surface.curves.items()}
+    curves = {name: places_of(path, vertices) for name, path in surface.curves.items()}
+    for name, path in surface.curves.items():
+        lost = path[curves[name] < 0]
+        if lost.size:
+            raise SurfaceError(
+                f"curve '{name}' would lose {lost.size} of its {path.size} vertices, the first "
+                f"{lost[0]}; shorten the curve, leave it out (Surface(vertices, faces)), or cut "
+                "less"
+            )
     opened = Surface(surface.vertices[vertices], corners.reshape(-1, 3), curves, vertices)
     require_disk(opened)
     if len(opened.boundary) == len(vertices):
@@ -76,7 +76,7 @@ def _without_wall(mesh, mask, cut):
     count = len(mesh.vertices)
     points = np.where(abs(mesh.vertices) < LARGEST, mesh.vertices, 0)  # NaN, too
     a, b, c = (points[corner] for corner in mesh.faces.T)
-    areas = norms(np.cross(b - a, c - a))
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     _, label = components(count, mesh.faces[cut][:, [0, 1, 1, 2]].reshape(-1, 2))
     gap = label[mesh.faces[:, 0]]
     wall = cut & (gap == np.bincount(gap, cut * areas).argmax())
@@ -117,7 +117,10 @@ def _disk_piece(surface, piece):
         piece = _largest(surface, piece, cut=np.zeros(len(surface.edges), dtype=bool))
         piece = _with_holes_filled(surface, piece)
         piece = _without_touching_fans(surface, piece)
-        piece = _largest(surface, piece, cut=_chords(surface, piece))
+        # Inner edges that join two vertices of the rim part it.
+        on_rim = np.zeros(len(surface.vertices), dtype=bool)
+        on_rim[surface.edges[_rim(surface, piece)]] = True
+        piece = _largest(surface, piece, cut=on_rim[surface.edges].all(axis=1))
         if (piece == before).all():
             return piece
 
@@ -155,13 +158,6 @@ def _without_touching_fans(surface, piece):
     return piece
 
 
-def _chords(surface, piece):
-    """Inner edges (E,) bool that join two vertices of the rim."""
-    on_rim = np.zeros(len(surface.vertices), dtype=bool)
-    on_rim[surface.edges[_rim(surface, piece)]] = True
-    return _sides(surface, piece).all(axis=1) & on_rim[surface.edges].all(axis=1)
-
-
 def _rim(surface, piece):
     """Edges (E,) bool with one face in the piece."""
     return _sides(surface, piece).sum(axis=1) == 1
@@ -170,15 +166,3 @@ def _rim(surface, piece):
 def _sides(surface, piece):
     """Which of its two faces is in the piece, of every edge: (E, 2) bool."""
     return piece[surface.edge_faces] & (surface.edge_faces >= 0)
-
-
-def _renumbered(name, path, vertices):
-    """A curve's vertices (k,) in the numbers of the disk; SurfaceError where some are cut away."""
-    places = places_of(path, vertices)
-    lost = path[places < 0]
-    if lost.size:
-        raise SurfaceError(
-            f"curve '{name}' would lose {lost.size} of its {path.size} vertices, the first "
-            f"{lost[0]}; shorten the curve, leave it out (Surface(vertices, faces)), or cut less"
-        )
-    return places

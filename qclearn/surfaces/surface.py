@@ -13,15 +13,13 @@ from numpy import ndarray
 from scipy.sparse import csc_array, csr_array
 from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 
-from ..plane.checks import SurfaceError, check_faces
+from ..plane.checks import SurfaceError, check_faces, read_only
 from ..plane.linear import around_vertices, cotangent_stiffness, edge_lengths
 from .checks import (
     check_shapes,
     check_topology,
     curve_path,
-    frozen,
     merged_numbers,
-    norms,
     origins,
     some,
     vertex_array,
@@ -53,7 +51,7 @@ class Surface:
         original_vertices: Integer[ndarray, " V"] | None = None,
     ):
         self.vertices = vertex_array(vertices)
-        self.faces = frozen(check_faces(faces, len(self.vertices), SurfaceError).copy(order="C"))
+        self.faces = read_only(check_faces(faces, len(self.vertices), SurfaceError))
         check_shapes(self.vertices, self.faces)
         self.edges, self.edge_faces, self._boundary_halfedges = check_topology(
             self.vertices, self.faces
@@ -79,7 +77,7 @@ class Surface:
                 loop = [start]
                 while (vertex := following.pop(loop[-1])) != start:
                     loop.append(vertex)
-                loops.append(frozen(np.array(loop, dtype=np.int64)))
+                loops.append(read_only(np.array(loop, dtype=np.int64)))
         return loops
 
     @cached_property
@@ -127,12 +125,12 @@ class Surface:
     def face_areas(self) -> Float[ndarray, " F"]:
         """Areas of the faces, in squared units of the vertices."""
         a, b, c = (self.vertices[corner] for corner in self.faces.T)
-        return frozen(0.5 * norms(np.cross(b - a, c - a)))
+        return read_only(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
 
     @cached_property
     def vertex_areas(self) -> Float[ndarray, " V"]:
         """One third of the areas of the faces around each vertex."""
-        return frozen(around_vertices(self.face_areas, self.faces) / 3)
+        return read_only(around_vertices(self.face_areas, self.faces) / 3)
 
     @cached_property
     def stiffness(self) -> Float[csc_array, " V V"]:
@@ -142,7 +140,7 @@ class Surface:
     @cached_property
     def edge_lengths(self) -> Float[ndarray, " F 3"]:
         """Length of the edge opposite each corner of each face."""
-        return frozen(edge_lengths(self.vertices[self.faces]))
+        return read_only(edge_lengths(self.vertices[self.faces]))
 
     def __getstate__(self):
         """A pickle has no matrix and no lengths: they are made again where they are needed."""
@@ -176,7 +174,7 @@ class Mesh(NamedTuple):
         """The mesh of arrays; SurfaceError where shapes, kinds of numbers or corners are wrong."""
         vertices = vertex_array(vertices, finite=False)
         curves = {name: curve_path(name, path, len(vertices)) for name, path in curves.items()}
-        faces = frozen(check_faces(faces, len(vertices), SurfaceError).copy(order="C"))
+        faces = read_only(check_faces(faces, len(vertices), SurfaceError))
         return cls(vertices, faces, curves, original_vertices)
 
     fingerprint = property(Surface.fingerprint.func)
@@ -200,6 +198,13 @@ class Mesh(NamedTuple):
         numbers = np.flatnonzero(used) if numbers is None else numbers[used]
         mesh = self.renumbered(np.where(used, used.cumsum() - 1, -1))
         return mesh._replace(vertices=self.vertices[used], original_vertices=numbers)
+
+
+def places_of(numbers, table):
+    """Where numbers (n, ...) stand in a table (V,) of different ones, -1 for those it lacks."""
+    places = np.full(max(table.max(), numbers.max()) + 1, -1)
+    places[table] = np.arange(len(table))
+    return places[numbers]
 
 
 def closing_fans(surface):

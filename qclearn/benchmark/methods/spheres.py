@@ -13,7 +13,6 @@ from ...io.extras import require
 from ...io.meshes import read_surface, write_surface
 from ...plane.grids import joined
 from ...plane.linear import Dirichlet
-from ...surfaces.checks import norms
 from ...surfaces.surface import Surface, SurfaceError
 
 # cat-surf is under the GPL: a program in a process of its own, never imported here.
@@ -68,7 +67,9 @@ def closed(surface):
     Delaunay's triangles, and each coordinate is the harmonic function of its values on the rim.
     """
     rim = surface.boundary[::-1]  # around the patch, seen from outside
-    steps = norms(np.roll(surface.vertices[rim], -1, axis=0) - surface.vertices[rim])
+    steps = np.linalg.norm(
+        np.roll(surface.vertices[rim], -1, axis=0) - surface.vertices[rim], axis=1
+    )
     count = len(rim)
     radius = 1.0
     rings = [np.exp(2j * np.pi * np.append(0, np.cumsum(steps[:-1])) / steps.sum())]
@@ -111,7 +112,9 @@ def facing(whole, points):
         )
     areas = whole.vertex_areas
     out = whole.vertices - np.average(whole.vertices, axis=0, weights=areas)
-    return Rotation.align_vectors(out / norms(out)[:, None], unit, weights=areas)[0].apply(unit)
+    return Rotation.align_vectors(out / np.linalg.norm(out, axis=1)[:, None], unit, weights=areas)[
+        0
+    ].apply(unit)
 
 
 def unit_points(points, whole, whose):
@@ -119,7 +122,7 @@ def unit_points(points, whole, whose):
     count = len(whole.vertices)
     if points.shape != (count, 3):
         raise SphereError(f"{whose} has {len(points):,} vertices, where its surface has {count:,}")
-    radii = norms(points)
+    radii = np.linalg.norm(points, axis=1)
     if not radii.max() < ROUND * radii.min():  # nor with NaN
         raise SphereError(
             f"{whose} is none around 0: its vertices lie {radii.min():.4g} to {radii.max():.4g} "
