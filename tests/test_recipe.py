@@ -30,8 +30,8 @@ def made(folder, surface, cortex):
 
 
 @pytest.mark.slow
-def test_a_folder_of_subjects_goes_onto_fsaverage5_and_makes_a_template(tmp_path):
-    (recipe,) = re.findall(r"```sh\n(cd \$SUBJECTS_DIR && .*?)```", markdown_of("ownbrain"), re.DOTALL)
+def test_a_folder_of_subjects_goes_onto_fsaverage5(tmp_path):
+    (recipe,) = re.findall(r"```python\n(import subprocess\n.*?)```", markdown_of("ownbrain"), re.DOTALL)
     left, right = (qc.Surface(*load_surf_mesh(WHITE / f"white_{side}.gii.gz")) for side in ("left", "right"))
     cortex, other = (qc.fsaverage5(side).original_vertices for side in ("left", "right"))
     mirrored = qc.mirror(right)
@@ -44,12 +44,9 @@ def test_a_folder_of_subjects_goes_onto_fsaverage5_and_makes_a_template(tmp_path
     program.parent.mkdir()
     program.write_text(f'#!/bin/sh\nexec {sys.executable} -m qclearn "$@"\n')
     program.chmod(0o755)
-    known = os.environ | {"SUBJECTS_DIR": str(tmp_path), "PATH": f"{program.parent}:{os.environ['PATH']}"}
+    known = os.environ | {"PATH": f"{program.parent}:{os.environ['PATH']}"}
     for _ in range(2):  # the second time it skips what is there
-        ran = subprocess.run(["bash", "-ec", recipe], env=known, capture_output=True, text=True, check=True)
-    assert "qc/anna" not in ran.stdout and "it stands still" in ran.stdout
-    made_here = {path.name for path in (tmp_path / "qc").iterdir()}
-    assert {"anna", "ben", "cleo", "lh.anna.npz", "lh.ben.npz", "lh.cleo.npz", "group.html", "group.csv"} == made_here
+        subprocess.run([sys.executable, "-c", recipe], cwd=tmp_path, env=known, check=True)
+    assert {path.name for path in (tmp_path / "qc").iterdir()} == {"anna", "ben", "cleo"}
     carried = [qc.read_values(tmp_path / "qc" / name / "lh.thickness.func.gii") for name in ("anna", "ben", "cleo")]
     assert [len(one) for one in carried] == [len(left.vertices)] * 3 and max(map(np.max, carried)) == 2.5
-    assert len(list((tmp_path / "template").glob("registration-*.npz"))) == 3
