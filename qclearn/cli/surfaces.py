@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 import qclearn as qc
 
-from ..io.annotations import nothing_key
+from ..io.annotations import is_nothing
 from ..io.frames import side_of_name
 from ..io.hemisphere import frame_of_whole, opened, require_side
 from ..io.mapfile import frame_of_side, numbering_of_side, read_registration
@@ -134,7 +134,12 @@ def write_carried(out, carried, numbering, wall):
     cortex = numbering.on_whole(np.ones(numbering.size, dtype=np.float32), 0)
     require_same(out, beside, cortex)
     labels = carried.labels or {}
-    fill = np.nan if wall == "nan" else nothing_key(labels) if labels else 0
+    fill = np.nan if wall == "nan" else 0
+    if labels and wall != "nan":
+        # the key of no region: one that is there, else one that the table does not use
+        there = [key for key in (-1, 0) if key in labels and is_nothing(key, labels)]
+        free = [key for key in (0, -1, max(labels) + 1) if key not in labels]
+        fill = (there + free)[0]
     fill = np.where(carried.integer, fill, 0) if carried.integer else fill
     qc.write_values(out, numbering.on_whole(carried.values, fill), *carried[1:])
     qc.write_values(beside, cortex, carried.side, names=["cortex"])

@@ -17,7 +17,7 @@ def require_home(folder):
 
 
 class Checkpoint:
-    """A folder with a run's settings and a file for each finished part; path None stores nothing.
+    """A folder with a run's settings and a file for each finished part.
 
     settings: dict for JSON of all that the parts depend on, stored in the file `record`. error: the
     exception for a folder with other settings, with files but no `record` (unless shared=True), or
@@ -25,13 +25,17 @@ class Checkpoint:
     """
 
     def __init__(self, path, settings, error, record=SETTINGS, shared=False):
-        self.path = None if path is None else Path(path)
+        self.path = Path(path)
         self.error = error
         self.record = record
-        if self.path is None:
-            return
         settings = json.loads(json.dumps(settings))
-        stored = self._stored_settings()
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            stored = self.read(record)
+            stored = None if stored is None else json.loads(stored)
+        except (OSError, ValueError) as fault:
+            reason = getattr(fault, "strerror", None) or fault
+            raise error(f"{path}: cannot be used ({reason}); give another folder") from None
         if stored is None and not shared and self.names():
             raise error(
                 f"{path}: holds files, but no {record} of a run; empty it, or give another folder"
@@ -44,17 +48,6 @@ class Checkpoint:
             )
         self.write(record, json.dumps(settings, indent=1).encode())
 
-    def _stored_settings(self):
-        """The settings of the run that the folder holds, None of a new one; makes the folder."""
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-            place = self.path / self.record
-            return json.loads(place.read_bytes()) if place.exists() else None
-        except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or error
-            message = f"{self.path}: cannot be used ({reason}); give another folder"
-            raise self.error(message) from None
-
     def names(self):
         """Names of the files of finished parts, list."""
         names = sorted(file.name for file in self.path.iterdir())
@@ -62,15 +55,13 @@ class Checkpoint:
 
     def read(self, name):
         """A part's bytes, or None where it is not finished."""
-        file = self.path and self.path / name
-        return file.read_bytes() if file and file.is_file() else None
+        file = self.path / name
+        return file.read_bytes() if file.is_file() else None
 
     def write(self, name, data):
         """Store a part's bytes, whole or not at all."""
-        if self.path is None:
-            return
         try:
-            write_whole(self.path / name, lambda place: place.write_bytes(data), len(data))
+            write_whole(self.path / name, lambda place: place.write_bytes(data))
         except SurfaceError as error:
             message = f"{error}; what was finished is kept: run it again to go on"
             raise self.error(message) from None
@@ -81,7 +72,7 @@ class Checkpoint:
         if data is None:
             data = npz_bytes(make())
             self.write(name, data)
-        return npz_arrays(data, lambda name: True)
+        return npz_arrays(data)
 
     def json(self, name, make):
         """What JSON can say of a part: stored, or that of `make()`, which is stored."""

@@ -1,8 +1,5 @@
 """Formats that are known by content or name and not read here: what each is, and the way from it."""
 
-import gzip
-import zlib
-
 import nibabel
 
 from ..surfaces.surface import SurfaceError
@@ -55,14 +52,9 @@ def refuse_foreign(path):
 
 def _nifti_kind(path):
     try:
-        with gzip.open(path) if path.suffix.lower() == ".gz" else path.open("rb") as file:
-            data = file.read(540)
-    except (OSError, EOFError, zlib.error):
+        image = nibabel.load(path)
+    except Exception:
         return NIFTI
-    for header_class in (nibabel.Nifti2Header, nibabel.Nifti1Header):
-        if header_class.may_contain_header(data):
-            header = header_class(data[: header_class.sizeof_hdr], check=False)
-            if 3000 <= header["intent_code"] < 3100:  # NIFTI_INTENT_CONNECTIVITY...
-                return _CIFTI
-            return _VOLUME if header["dim"][1:4].min() > 1 else _OVERLAY
-    return NIFTI
+    if isinstance(image, nibabel.Cifti2Image):
+        return _CIFTI
+    return _VOLUME if min(image.shape[:3]) > 1 else _OVERLAY

@@ -1,13 +1,11 @@
-"""GIFTI through nibabel: sizes are checked first; Workbench finds hemisphere and labels."""
+"""GIFTI through nibabel, in which Workbench finds hemisphere, kind and labels."""
 
 import base64
 import colorsys
 import gzip
-import math
 import re
 import warnings
 import zlib
-from xml.parsers import expat
 
 import nibabel
 import numpy as np
@@ -18,7 +16,7 @@ from nibabel.gifti.parse_gifti_fast import GiftiImageParser
 from ..surfaces.surface import SurfaceError
 from .annotations import NONE, is_nothing
 from .frames import ANATOMICAL, SHAPES, TKR, Frame, agreed_side, kind_of_name, sound_volume
-from .safe import FormatError, LeftOutWarning, allowance, sound_text
+from .safe import FormatError, LeftOutWarning, sound_text
 
 STRUCTURES = {"left": "CortexLeft", "right": "CortexRight"}
 # FreeSurfer's volume geometry: its own names -> the endings of those that mris_convert writes into
@@ -33,58 +31,6 @@ _COUNT = "QclearnWholeVertices"
 _NODE_INDEX = nibabel.nifti1.intent_codes["NIFTI_INTENT_NODE_INDEX"]
 _LABEL = nibabel.nifti1.intent_codes["NIFTI_INTENT_LABEL"]
 _MOST_LABELS = 4096  # whole numbers of more values than that are no regions
-
-
-class _Sizes:
-    """The first pass: nibabel loops as often as Dimensionality says, and unpacks all data."""
-
-    def __init__(self, size):
-        self.left = allowance(size)
-        self.expected = None
-        self.text = None
-
-    def start(self, name, attributes):
-        if name == "DataArray":
-            self.expected = _announced(attributes)
-            self.left -= self.expected
-            if self.left < 0:
-                raise FormatError("its arrays are announced larger than the file can hold")
-            self.packed = attributes.get("Encoding") == "GZipBase64Binary"
-        elif name == "Data" and self.expected is not None and self.packed:
-            self.text = []
-
-    def characters(self, text):
-        if self.text is not None:
-            self.text.append(text)
-
-    def end(self, name):
-        if name == "Data" and self.text is not None:
-            packed = base64.b64decode("".join(self.text))
-            unpacked = len(zlib.decompressobj().decompress(packed, self.expected + 1))
-            if unpacked != self.expected:
-                there = "more" if unpacked > self.expected else unpacked
-                message = f"an array of {self.expected} bytes is announced"
-                raise FormatError(f"{message}, {there} are there")
-            self.text = None
-
-
-def _announced(attributes):
-    """Number of bytes that a DataArray's attributes announce."""
-    dimensions = attributes.get("Dimensionality", "")
-    if not re.fullmatch("[1-6]", dimensions):
-        count = dimensions[:20] or "no"
-        raise FormatError(f"an array has {count} dimensions, where 1 or 2 are needed")
-    sides = [attributes.get(f"Dim{k}", "") for k in range(int(dimensions))]
-    if not all(re.fullmatch("[0-9]{1,12}", side) for side in sides):
-        raise FormatError("an array's sides are no whole numbers of vertices or faces")
-    kind = attributes.get("DataType", "")
-    known = nibabel.nifti1.data_type_codes.keys()  # a Recoder has no __contains__
-    if kind not in known:
-        raise FormatError(f"an array has the unknown type {kind[:40]}")
-    if attributes.get("Encoding") == "ExternalFileBinary":
-        command = "wb_command -gifti-convert GZIP_BASE64_BINARY IN OUT"
-        raise SurfaceError(f"keeps its data in another file; convert it: {command}")
-    return math.prod(map(int, sides)) * nibabel.nifti1.data_type_codes.dtype[kind].itemsize
 
 
 class _Parser(GiftiImageParser):
@@ -102,21 +48,11 @@ class _Parser(GiftiImageParser):
 
 
 def parse(data):
-    """The nibabel image of a GIFTI file's bytes; FormatError for an array of another size."""
-    sizes = _Sizes(len(data))
-    parser = expat.ParserCreate()
-    parser.buffer_text = True
-    parser.StartElementHandler = sizes.start
-    parser.EndElementHandler = sizes.end
-    parser.CharacterDataHandler = sizes.characters
-    try:
-        parser.Parse(data, True)
-    except LookupError as error:
-        if type(error) is not LookupError:  # a KeyError would be a bug here
-            raise
-        raise FormatError(str(error)[:60]) from None  # an encoding that is none
+    """The nibabel image of a GIFTI file's bytes."""
     reader = _Parser()
     reader.parse(data)
+    if any(array.data is None for array in reader.img.darrays):
+        raise FormatError("an array has no data")
     return reader.img
 
 
@@ -151,7 +87,7 @@ def _table_of(meta, size):
     """The numbers (V,) that `_table_text` wrote, or None where there are none."""
     if _TABLE not in meta:
         return None
-    packed = zlib.decompressobj().decompress(base64.b64decode(meta[_TABLE]), 4 * size + 1)
+    packed = zlib.decompress(base64.b64decode(meta[_TABLE]))
     if len(packed) != 4 * size:
         raise FormatError(f"{_TABLE} does not hold the numbers of {size} vertices")
     return np.frombuffer(packed, "<i4").astype(np.int64).cumsum()
@@ -279,14 +215,7 @@ def surface_bytes(surface, frame, table):
     space = space or GiftiCoordSystem()
     points = _array(vertices.astype(np.float32), "NIFTI_INTENT_POINTSET", own, coordsys=space)
     triangles = _array(surface.faces.astype(np.int32), "NIFTI_INTENT_TRIANGLE", {})
-    return _bytes_of(GiftiImage(meta=GiftiMetaData(meta), darrays=[points, triangles]))
-
-
-def _bytes_of(image):
-    """The bytes of an image; ExpatError unless they are sound XML."""
-    data = image.to_bytes()
-    expat.ParserCreate().Parse(data, True)
-    return data
+    return GiftiImage(meta=GiftiMetaData(meta), darrays=[points, triangles]).to_bytes()
 
 
 def _kind(kind):
@@ -321,7 +250,7 @@ def values_bytes(columns, side, labels, names):
     named = [{"Name": name} for name in names] if names else [{}] * len(columns)
     intents = {"f": "NIFTI_INTENT_SHAPE", "i": of_integers}
     arrays = [_array(one, intents[one.dtype.kind], own) for one, own in zip(columns, named)]
-    return _bytes_of(GiftiImage(meta=meta, labeltable=table, darrays=arrays))
+    return GiftiImage(meta=meta, labeltable=table, darrays=arrays).to_bytes()
 
 
 def table_of(values, known):

@@ -1,6 +1,5 @@
 """registration.npz: the maps of a registration, and what its files said of both surfaces."""
 
-import io
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +7,7 @@ import numpy as np
 from ..surfaces.surface import SurfaceError
 from .frames import frame_of_text
 from .hemisphere import Numbering
-from .safe import explain, npz_bytes, read_bytes, write_whole
+from .safe import explain, npz_arrays, npz_bytes, read_bytes, write_whole
 
 # Raise it when an array's meaning changes, so that old programs do not misread new files.
 FORMAT_VERSION = 2
@@ -80,8 +79,7 @@ def read_registration(path):
     """
     data = read_bytes(Path(path))
     with explain(path, "registration.npz", lead="not a"):
-        with np.load(io.BytesIO(data), allow_pickle=False) as file:
-            arrays = dict(file)
+        arrays = npz_arrays(data)
         missing = [name for name in REQUIRED if name not in arrays]
         if missing:
             raise SurfaceError(

@@ -142,7 +142,7 @@ def write_surface(
     if suffix not in (".npz", ".gii", *_WRITERS) and not freesurfer:
         message = _unknown_format(suffix, "nor is the name one of FreeSurfer, such as lh.pial")
         raise SurfaceError(f"{path}: {message}")
-    safe.write_whole(path, write, size=surface.vertices.nbytes + surface.faces.nbytes)
+    safe.write_whole(path, write)
 
 
 # Of files that are no FreeSurfer surface or map, whatever they begin with (lh.map.csv).

@@ -1,5 +1,6 @@
 """Per-vertex files: masks of what to cut away, and maps to carry from one surface to another."""
 
+import io
 import math
 import re
 from pathlib import Path
@@ -14,13 +15,12 @@ from ..surfaces.surface import Mesh, Surface, SurfaceError
 from . import annotations, foreign, gifti
 from .frames import agreed_side, side_of_name
 from .meshes import is_freesurfer_name, suffix_of
-from .safe import FormatError, explain, npy_array, read_bytes, require_all, write_whole
+from .safe import FormatError, explain, read_bytes, require_all, write_whole
 
 _MAP_SUFFIXES = (
     "", ".thickness", ".curv", ".avg_curv", ".sulc", ".area", ".volume", ".mid", ".pial", ".w-g",
     ".pct",
 )  # fmt: skip
-_MGH_BYTES = {0: 1, 1: 4, 3: 4, 4: 2}  # of a voxel, by MGH's type
 _FORMATS = ".npy, .txt, .gii (shape, func, label, also gzipped), .mgh, .mgz, .annot or FreeSurfer morphometry"
 # Formats that are known and not read or written here: what to do instead.
 _REFUSED = {
@@ -206,21 +206,27 @@ def write_values(
             keys = [column for column in columns if column.dtype.kind == "i"]
             table = gifti.table_of(np.stack(keys), labels) if keys and not is_metric else None
             data = gifti.zipped(path, gifti.values_bytes(columns, side, table, names))
-        write_whole(path, lambda place: place.write_bytes(data), len(data))
+        write_whole(path, lambda place: place.write_bytes(data))
     elif suffix in (".mgh", ".mgz"):
         voxels = _fitting(path, values).reshape(len(values), 1, 1, *values.shape[1:])
         data = gifti.zipped(path, nibabel.MGHImage(voxels, np.eye(4)).to_bytes())
-        write_whole(path, lambda place: place.write_bytes(data), len(data))
+        write_whole(path, lambda place: place.write_bytes(data))
     elif suffix == ".annot":
         keys = _keys(path, values)
         table = gifti.table_of(keys, labels)
-        write_whole(path, lambda place: annotations.write(place, keys, table), 8 * keys.nbytes)
+        write_whole(path, lambda place: annotations.write(place, keys, table))
     elif suffix in (".npy", ".txt"):
-        write_whole(path, lambda place: _WRITERS[suffix](place, values), values.nbytes)
+        whole = "%d" if values.dtype.kind in "iub" else "%.17g"
+        write_whole(
+            path,
+            lambda place: (
+                np.save(place, values) if suffix == ".npy" else np.savetxt(place, values, fmt=whole)
+            ),
+        )
     elif suffix in _MAP_SUFFIXES or is_freesurfer_name(path, suffix):
         numbers = _fitting(path, values, integer=False)
         write = nibabel.freesurfer.write_morph_data
-        write_whole(path, lambda place: write(place, numbers), numbers.nbytes)
+        write_whole(path, lambda place: write(place, numbers))
     else:
         message = f"not a format that is written here: {_FORMATS}"
         raise SurfaceError(f"{path}: {message}; choose another name")
@@ -272,29 +278,27 @@ def _read_label(path, data):
     return np.array([int(record[0]) for record in records], dtype=np.int64)
 
 
-def _read_morphometry(path, data):
-    header = np.frombuffer(data[3:15].ljust(12, b"\0"), ">i4").tolist()
-    if header[2] != 1:
-        raise FormatError(f"it holds {header[2]} values a vertex, where one is read")
-    require_all("value", (len(data) - 15) // 4, header[0])
-    if len(data) != 15 + 4 * header[0]:
-        there = f"{len(data) - 15} bytes are there"
-        raise FormatError(f"{header[0]} value records are announced, {there}")
-    return nibabel.freesurfer.read_morph_data(path)
+def _read_morphometry(_, data):
+    count, _, each = np.frombuffer(data[3:15].ljust(12, b"\0"), ">i4").tolist()
+    if each != 1:
+        raise FormatError(f"it holds {each} values a vertex, where one is read")
+    require_all("value", (len(data) - 15) / 4, count, exactly=True)
+    return np.frombuffer(data, ">f4", offset=15)
 
 
 def _read_mgh(_, data):
-    header = np.frombuffer(data[:24].ljust(24, b"\0"), ">i4").tolist()
-    shape = header[1:5]
-    size = _MGH_BYTES.get(header[5])
-    if header[0] != 1 or size is None or min(shape) < 1:
-        raise FormatError("its header is none of MGH")
-    if min(shape[:3]) > 1:  # FreeSurfer folds a long map into (V / 6, 1, 6)
-        volume = " x ".join(map(str, shape[:3]))
+    voxels = np.asarray(nibabel.MGHImage.from_bytes(data).dataobj)
+    if min(voxels.shape[:3]) > 1:  # FreeSurfer folds a long map into (V / 6, 1, 6)
+        volume = " x ".join(map(str, voxels.shape[:3]))
         raise SurfaceError(f"holds a volume of {volume}, not a map on a surface; use mri_vol2surf")
-    require_all("value", (len(data) - 284) // size, math.prod(shape))
-    values = np.asarray(nibabel.MGHImage.from_bytes(data).dataobj).reshape(-1, shape[3], order="F")
-    return values[:, 0] if shape[3] == 1 else values
+    return voxels.reshape(math.prod(voxels.shape[:3]), -1, order="F")
+
+
+def _read_npy(_, data):
+    file = io.BytesIO(data)
+    array = np.lib.format.read_array(file, allow_pickle=False)
+    require_all("byte", len(data), file.tell(), exactly=True)
+    return array
 
 
 def _read_txt(_, data):
@@ -303,21 +307,11 @@ def _read_txt(_, data):
     return np.loadtxt(text.splitlines(), ndmin=1, dtype=np.int64 if whole else np.float64)
 
 
-def _write_npy(path, values):
-    with path.open("wb") as file:
-        np.save(file, values)
-
-
-def _write_txt(path, values):
-    np.savetxt(path, values, fmt="%d" if values.dtype.kind in "iub" else "%.17g")
-
-
 _READERS = {
-    ".npy": ("NumPy array", lambda _, data: npy_array(data)),
+    ".npy": ("NumPy array", _read_npy),
     ".txt": ("text file of one number a vertex", _read_txt),
     ".gii": ("GIFTI data file", _read_gifti),
     ".mgh": ("MGH file", _read_mgh),
     ".mgz": ("MGH file", _read_mgh),
     ".annot": ("FreeSurfer annotation", _read_annot),
 }
-_WRITERS = {".npy": _write_npy, ".txt": _write_txt}

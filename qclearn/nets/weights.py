@@ -1,12 +1,10 @@
 """Weights as safetensors files; the header has network, configuration, recipe and figures."""
 
-import hashlib
 import json
 from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
 
-import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 
@@ -19,7 +17,7 @@ FOLDER = Path(__file__).parent / "weights"
 # Options of old files, with the value that is left; and a value's old name.
 GONE = {"inverse": True, "carry": True, "eta": 1.0}
 RENAMED = {"mended": "corrected"}
-NEEDED = {"format", "network", "config", "training", "data", "steps", "commit", "figures", "digest"}
+NEEDED = {"format", "network", "config", "training", "data", "steps", "commit", "figures"}
 
 
 def build(name, config):
@@ -71,8 +69,8 @@ def _shipped(stem, name, preset):
 def load_file(path, name=None):
     """The network of a weights file, of your own training say, in evaluation mode.
 
-    WeightsError if the file is damaged, not one of this program, of another version, or of another
-    network than named.
+    WeightsError if the file is not whole, not one of this program, of another version, or of
+    another network than named.
     """
     header, state = read_weights(path)
     if name is not None and header["network"] != name:
@@ -91,7 +89,7 @@ def load_file(path, name=None):
 
 
 def read_weights(path):
-    """(header, state dict) of a weights file; WeightsError if it is damaged or too old."""
+    """(header, state dict) of a weights file; WeightsError if it is not whole or too old."""
     try:
         with safe_open(path, framework="pt") as file:
             metadata = file.metadata() or {}
@@ -112,10 +110,6 @@ def read_weights(path):
             f"{path}: weights of format {header.get('format')}, this version reads {FORMAT}; "
             "train them again, or install the version that wrote them"
         )
-    if missing := ", ".join(sorted(NEEDED - set(header))):
-        raise WeightsError(f"{path}: its header lacks {missing}; get the file again")
-    if header["digest"] != digest_of_state(state):
-        raise WeightsError(f"{path}: its numbers do not match its checksum; get the file again")
     return header, state
 
 
@@ -123,23 +117,6 @@ def save_weights(path, model, header):
     """Write a network's parameters with `header` (dict for JSON), whole or not at all."""
     state = {name: value.detach().cpu().contiguous() for name, value in model.state_dict().items()}
     header = {"format": FORMAT, "config": asdict(model.config), **header}
-    header["digest"] = digest_of_state(state)
     if missing := ", ".join(sorted(NEEDED - set(header))):
         raise WeightsError(f"{path}: the header lacks {missing}")
     write_whole(Path(path), lambda place: save_file(state, place, {"qclearn": json.dumps(header)}))
-
-
-def digest_of_state(state):
-    """`digest` of a state dict, whose order in a file is not the one it was written in."""
-    return digest(state[name] for name in sorted(state))
-
-
-def digest(tensors):
-    """SHA-256 of tensors: shapes, types and numbers, in order."""
-    total = hashlib.sha256()
-    for tensor in tensors:
-        tensor = tensor.detach().cpu().contiguous()
-        total.update(f"{tuple(tensor.shape)} {tensor.dtype}".encode())
-        tensor = torch.view_as_real(tensor) if tensor.is_complex() else tensor
-        total.update(tensor.numpy().tobytes())
-    return total.hexdigest()

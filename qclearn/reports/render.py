@@ -47,4 +47,4 @@ def require_html(path):
 def write_text(path, text, encoding="utf-8"):
     """Write a text file, whole or not at all; what its encoding cannot hold is escaped."""
     data = sound_text(text).encode(encoding)
-    write_whole(path, lambda place: place.write_bytes(data), len(data))
+    write_whole(path, lambda place: place.write_bytes(data))

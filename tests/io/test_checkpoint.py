@@ -14,25 +14,13 @@ class RunError(ValueError):
 
 
 def test_a_finished_part_is_made_once(tmp_path):
-    calls = []
-
-    def make():
-        calls.append(1)
-        return {"a": np.arange(3.0), "name": np.array("x")}
-
+    made = []
     for _ in range(2):
-        arrays = Checkpoint(tmp_path / "run", {"steps": 3}, RunError).arrays("one.npz", make)
+        run = Checkpoint(tmp_path / "run", {"steps": 3}, RunError)
+        arrays = run.arrays("one.npz", lambda: made.append(1) or {"a": np.arange(3.0), "name": np.array("x")})
         assert arrays["a"].tolist() == [0, 1, 2] and str(arrays["name"]) == "x"
-        assert Checkpoint(tmp_path / "run", {"steps": 3}, RunError).json("two.json", lambda: {"n": len(calls)}) == {
-            "n": 1
-        }
-    assert Checkpoint(tmp_path / "run", {"steps": 3}, RunError).names() == ["one.npz", "two.json"]
-
-
-def test_without_a_folder_nothing_is_stored():
-    checkpoint = Checkpoint(None, {}, RunError)
-    checkpoint.write("one.json", b"1")
-    assert checkpoint.read("one.json") is None and checkpoint.json("one.json", lambda: 2) == 2
+        assert run.json("two.json", lambda: {"n": len(made)}) == {"n": 1}
+    assert run.names() == ["one.npz", "two.json"] and made == [1]
 
 
 def test_settings_that_differ_are_named(tmp_path):
@@ -48,6 +36,8 @@ def test_files_of_others_are_refused_unless_the_folder_is_shared(tmp_path):
         Checkpoint(tmp_path, {}, RunError)
     Checkpoint(tmp_path, {}, RunError, record="config.json", shared=True)
     assert (tmp_path / "config.json").is_file()
+    with pytest.raises(RunError, match=r"notes.txt: cannot be used .*give another folder"):
+        Checkpoint(tmp_path / "notes.txt", {}, RunError)
 
 
 def test_the_cache_lies_in_a_home_folder_that_is_known(tmp_path):

@@ -13,7 +13,7 @@ from torch import nn
 
 from qclearn.nets import weights
 from qclearn.nets.networks import NETWORKS, Network
-from qclearn.nets.weights import FOLDER, FORMAT, WeightsError, digest, load, load_file, read_weights, save_weights, stem
+from qclearn.nets.weights import FOLDER, FORMAT, WeightsError, load, load_file, read_weights, save_weights, stem
 
 HEADER = {"network": "toy", "training": {}, "data": {}, "steps": 3, "commit": "", "figures": {}}
 
@@ -67,8 +67,6 @@ def rewritten(file, change):
     "change, words",
     [
         (lambda header, state: header.update(format=FORMAT + 1), f"format {FORMAT + 1}, this version reads {FORMAT}"),
-        (lambda header, state: header.pop("figures"), "lacks figures"),
-        (lambda header, state: state["layer.bias"].add_(1), "checksum"),
         (lambda header, state: header.update(network="other"), "no network is called 'other'"),
         (lambda header, state: header["config"].update(preset="worst"), "no preset 'worst'"),
         (lambda header, state: header["config"].update(sizes=[4, 6]), "does not fit toy"),
@@ -79,45 +77,21 @@ def test_a_foreign_file_is_refused(file, change, words):
         load_file(rewritten(file, change))
 
 
-def test_another_network_is_refused(file):
+def test_another_network_and_a_cut_file_are_refused(file):
     with pytest.raises(WeightsError, match="weights of toy, not of dbsnet"):
         load_file(file, "dbsnet")
-
-
-@pytest.mark.parametrize("size", [0, 7, 100, -10])
-def test_a_damaged_file_is_refused(file, size):
-    file.write_bytes(file.read_bytes()[:size])
-    with pytest.raises(WeightsError, match="not a whole safetensors file"):
-        read_weights(file)
-
-
-def test_every_flipped_bit_is_noticed(file):
     whole = file.read_bytes()
-    for place in range(0, len(whole), 97):
-        file.write_bytes(whole[:place] + bytes([whole[place] ^ 4]) + whole[place + 1 :])
-        with pytest.raises(WeightsError):
-            assert_same(file, whole)
+    for size in (0, 7, 100, -10):
+        file.write_bytes(whole[:size])
+        with pytest.raises(WeightsError, match="not a whole safetensors file"):
+            read_weights(file)
 
 
-def assert_same(file, whole):
-    """Raises unless the header's free texts alone differ."""
-    header, state = read_weights(file)
-    file.write_bytes(whole)
-    kept, numbers = read_weights(file)
-    if all(torch.equal(state[name], numbers[name]) for name in numbers) and header != kept:
-        raise WeightsError("only words of the header changed")
-
-
-def test_a_missing_file_and_a_folder_are_refused(tmp_path):
-    for path in (tmp_path / "none.safetensors", tmp_path):
-        with pytest.raises(WeightsError):
-            read_weights(path)
-
-
-def test_a_safetensors_file_of_others_is_refused(tmp_path):
+def test_what_is_no_weights_file_is_refused(tmp_path):
     save_file({"x": torch.zeros(2)}, tmp_path / "x.safetensors")
-    with pytest.raises(WeightsError, match="no qclearn header"):
-        read_weights(tmp_path / "x.safetensors")
+    for name, words in (("none", "cannot be read"), ("", "cannot be read"), ("x.safetensors", "no qclearn header")):
+        with pytest.raises(WeightsError, match=words):
+            read_weights(tmp_path / name)
 
 
 def test_an_incomplete_header_is_not_written(tmp_path):
@@ -138,12 +112,6 @@ def test_an_incomplete_header_is_not_written(tmp_path):
 def test_what_is_not_shipped_is_refused(arguments, words):
     with pytest.raises(WeightsError, match=words):
         load(*arguments)
-
-
-def test_the_digest_sees_shape_type_and_order():
-    x = torch.arange(6.0)
-    different = [[x], [x.reshape(2, 3)], [x.double()], [x + 1], [x[:3], x[3:]], [torch.complex(x, x)]]
-    assert len({digest(tensors) for tensors in different}) == len(different)
 
 
 class Probe:
