@@ -24,12 +24,12 @@ class Folder:
     """The registrations of finished rounds in a folder, a file for each round and subject's key."""
 
     def __init__(self, path, settings):
-        self.checkpoint = Checkpoint(path, settings, TemplateError)
+        self.checkpoint = None if path is None else Checkpoint(path, settings, TemplateError)
 
     def read(self, number, key):
         """The `Fitted` of a subject in a round; None where its file is missing or damaged."""
         try:
-            data = self.checkpoint.read(file_name(number, key))
+            data = self.checkpoint and self.checkpoint.read(file_name(number, key))
             arrays = npz_arrays(data, lambda name: True)
             f = arrays["f"] if arrays["f"].size else None
             return Fitted(f, **json.loads(str(arrays["messages"])))
@@ -42,7 +42,8 @@ class Folder:
         f = messages.pop("f")
         f = np.zeros(0, complex) if f is None else f
         data = npz_bytes({"f": f, "messages": np.array(json.dumps(messages))})
-        self.checkpoint.write(file_name(number, key), data)
+        if self.checkpoint:
+            self.checkpoint.write(file_name(number, key), data)
 
 
 def file_name(number, key):
