@@ -3,7 +3,7 @@ figure."""
 
 import html
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,9 +11,8 @@ from matplotlib.figure import Figure
 from qcbook.figures import FLIPPED_COLOUR, square_lines
 from qclearn.plot import CURVE_STYLES, disk_axes, disk_plot, lines_plot, map_curves
 from qclearn.registration.features import FINEST
-from qclearn.registration.fit import CheckedMap, exact_map, fit_problem, fit_registration
+from qclearn.registration.fit import CheckedMap, fit_problem, fit_registration
 from qclearn.registration.multiresolution import STALL_RATIO, guided, on_own_mesh
-from qclearn.registration.networks import gamma_messages, predicted
 from qclearn.registration.problem import LandmarkError, Weights
 from qclearn.registration.report import measured_losses
 from qclearn.registration.residuals import FeatureTerm
@@ -53,30 +52,15 @@ def exact_fit(problem, weights, features=None):
     return fit_registration(problem, weights, features, levels=FOLD_LEVELS)
 
 
-def network_fit(problem, weights, features=None):
-    """The exact solver's map for CP-Net's coefficient of a `Problem`; features change nothing: it
-    knows no folds."""
-    if problem.sliding:
-        raise LandmarkError("CP-Net takes points to points, it knows no sliding; choose points")
-    from qclearn.nets import load  # here, as it needs torch
-
-    network = load("cpnet")
-    found = exact_map(problem, predicted(network.predict, problem, weights))
-    return replace(found, fallbacks=(*gamma_messages(network, weights), *found.fallbacks))
-
-
 def fit_state(example, weights, sliding=False, solver=exact_fit):
     """The answer to weights (alpha, beta, gamma, and delta for folds) by a solver like `exact_fit`:
-    a FitState.
-
-    Bad input or a missing network becomes its message.
-    """
+    a FitState. Bad input becomes its message."""
     start, problem = time.perf_counter(), example.sliding if sliding else example.problem
     try:
         weights = Weights(*weights)
         features = features_of(example, weights)
         fit = solver(problem, weights, features)
-    except (ValueError, ImportError) as error:  # LandmarkError, BeltramiError, SurfaceError, WeightsError; no torch
+    except ValueError as error:  # LandmarkError, BeltramiError, SurfaceError, WeightsError
         return FitState(None, {}, time.perf_counter() - start, str(error))
     seconds = time.perf_counter() - start
     losses, factors = (measured_losses(problem, weights, fit.mu, problem.samples @ fit.f), weights.factors)
