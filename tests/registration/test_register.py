@@ -21,10 +21,10 @@ from qclearn.plane.mobius import best_mobius, compose_mobius, mobius
 from qclearn.registration import register as pipeline
 from qclearn.registration.curves import check_curves, detect_curves, sample_curve
 from qclearn.registration.fit import exact_map, fit_landmarks, fit_problem
-from qclearn.registration.problem import DELTA, DELTA_BY_DISKS, ETA, LandmarkError, Weights
+from qclearn.registration.problem import DELTA, DELTA_BY_DISKS, ETA, Weights
 from qclearn.registration.transfer import transfer
-from qclearn.surfaces.conformal import ParameterizedSurface
-from qclearn.surfaces.surface import Surface, SurfaceError, mirror
+from qclearn.surfaces.conformal import ParameterizedSurface, parameterize
+from qclearn.surfaces.surface import Surface, mirror
 from qclearn.surfaces.units import size_of
 from reports import REPORT
 
@@ -129,19 +129,17 @@ def test_the_report_has_the_agreed_keys_and_is_json(turned):
 
 
 def test_a_sulcus_is_detected_where_only_its_ends_are_given():
+    """And a chord between these stays, where the file says so."""
     surface, ends = grooved_sphere()
     curves = [
         {"name": "groove", "moving": ends, "control": ends},
         {"name": "chord", "moving": ends[::-1], "control": ends[::-1], "detect": False},
     ]
-    detected = register(surface, moved(surface), curves[:1], gamma=1e3)
-    moving, control = detected.curves["groove"]
-    assert (
-        len(moving) > 30 and moving[0] == detected.disk_moving[ends[0]] and moving[-1] == detected.disk_moving[ends[1]]
-    )
+    result = register(surface, moved(surface), curves, gamma=1e2)
+    moving, control = result.curves["groove"]
+    assert len(moving) > 30 and (moving[[0, -1]] == result.disk_moving[ends]).all()
     np.testing.assert_allclose(control, moving, atol=0.02)
-    plain = register(surface, moved(surface), curves[1:], gamma=1e3)
-    np.testing.assert_array_equal(plain.curves["chord"][0], plain.disk_moving[ends[::-1]])
+    np.testing.assert_array_equal(result.curves["chord"][0], result.disk_moving[ends[::-1]])
 
 
 def test_curves_that_meet_on_both_sides_share_a_landmark():
@@ -153,14 +151,6 @@ def test_curves_that_meet_on_both_sides_share_a_landmark():
     }
     result = register(bowl(0.6), bowl(0.9), curves)
     assert result.report["bijective"] and result.report["landmark_error"] < 1e-3
-
-
-@pytest.mark.parametrize("side", ["moving", "control"])
-def test_curves_that_meet_on_one_side_only_are_refused(side):
-    curves = entries(0)
-    curves[1][side] = curves[0][side][::-1]
-    with pytest.raises(LandmarkError, match=f"'spoke 0' and 'spoke 1' share a point on the {side} side only.*let them"):
-        register(bowl(0.6), bowl(0.9), curves)
 
 
 def test_wrong_landmarks_are_told_before_anything_is_fitted(monkeypatch):
@@ -326,13 +316,11 @@ def test_the_mobius_part_is_found_after_the_network(networks, pair):
 
 @pytest.mark.filterwarnings("ignore:.*boundary steps")  # that the stand-in raises
 def test_what_networks_find_is_suspect_for_the_same_reasons(networks, pair):
-    networks()
+    networks(predict=no_predict)
     moving, control, curves = pair
     swapped = [curves[0] | {"moving": curves[1]["moving"]}, curves[1] | {"moving": curves[0]["moving"]}, curves[2]]
-    assert by_networks(pair).report["suspect"] == []
-    exact = register(moving, control, swapped, accept_suspect=True).report["suspect"]
-    assert by_networks((moving, control, swapped), accept_suspect=True).report["suspect"][0] == exact[0]
-    assert exact[0].startswith("swapped: 'spoke 0' and 'spoke 1' fit")
+    found = by_networks((moving, control, swapped), accept_suspect=True, tolerance=np.inf).report["suspect"]
+    assert found[0].startswith("swapped: 'spoke 0' and 'spoke 1' fit")
 
 
 @pytest.mark.parametrize(
@@ -373,19 +361,17 @@ def test_where_the_exact_solver_folds_too_its_rows_are_switched(networks, pair):
 
 
 def test_where_the_landmarks_are_missed_steps_follow_until_the_tolerance(networks, pair):
-    networks(predict=no_predict)
+    networks(predict=no_predict, most=5e2)
     missed = by_networks(pair, tolerance=np.inf).report
-    assert missed["fallbacks"] == [] and missed["landmark_error"] == pytest.approx(
-        missed["landmark_error_before"], rel=1e-3
-    )
-    for tolerance in (1e-2, 1e-3):
-        report = by_networks(pair, tolerance=tolerance).report
-        (words,) = report["fallbacks"]
-        found = re.fullmatch(r"landmark error (\S+) above (\S+): (\d+) Gauss-Newton steps, to (\S+)", words)
-        assert [float(found[k]) for k in (1, 2, 4)] == pytest.approx(
-            [missed["landmark_error"], tolerance, report["landmark_error"]], rel=0.06
-        )
-        assert report["landmark_error"] <= tolerance and report["bijective"] and int(found[3]) > 0
+    assert missed["fallbacks"] == ["CP-Net answered for gamma = 500"]
+    assert missed["landmark_error"] == pytest.approx(missed["landmark_error_before"], rel=1e-3)
+    networks(predict=no_predict)
+    report = by_networks(pair, tolerance=2e-3).report
+    (words,) = report["fallbacks"]
+    found = re.fullmatch(r"landmark error (\S+) above (\S+): (\d+) Gauss-Newton steps, to (\S+)", words)
+    told = [missed["landmark_error"], 2e-3, report["landmark_error"]]
+    assert [float(found[k]) for k in (1, 2, 4)] == pytest.approx(told, rel=0.06)
+    assert report["landmark_error"] <= 2e-3 and report["bijective"] and int(found[3]) > 0
 
 
 def test_the_steps_begin_at_the_networks_coefficient(networks, pair, monkeypatch):
@@ -415,23 +401,12 @@ def test_a_map_that_stays_folded_is_fitted_anew_and_gamma_lowered(networks, pair
     assert report["fallbacks"][2:] == ["gamma lowered to 10000"] and report["bijective"]
 
 
-def test_no_uncertified_map_is_returned(networks, pair, folding_above):
-    folding_above(0)
-    networks(predict=no_predict)
-    with pytest.raises(BijectivityError, match="check that no two curves cross"):
-        by_networks(pair)
-
-
 def test_a_curve_that_wanders_is_replaced_and_the_report_says_so(networks):
-    surface, ends = grooved_sphere()
     networks(lambda surface, z, ends: [line * np.nan for line in detect_curves(surface, z, ends)], no_predict)
-    curves = [{"name": "groove", "moving": ends, "control": ends}]
-    result = register(surface, surface, curves, method="network", tolerance=np.inf)
-    # A surface to itself: the identity.
-    above = "the networks' map ended above the best Möbius map: that map is returned"
-    assert result.report["fallbacks"] == [
-        *[f"LD-Net's {side} curve 'groove' leaves the disk: shortest path" for side in ("moving", "control")],
-        above,
+    surface, ends = bowl(0.6), [spoke(0)[0], spoke(0)[-1]]
+    result = register(surface, surface, [{"name": "groove", "moving": ends, "control": ends}], "network")
+    assert result.report["fallbacks"][:2] == [
+        f"LD-Net's {side} curve 'groove' leaves the disk: shortest path" for side in ("moving", "control")
     ]
     for line, z in zip(result.curves["groove"], (result.disk_moving, result.disk_control)):
         np.testing.assert_array_equal(line, detect_curves(surface, z, [ends])[0])
@@ -441,11 +416,11 @@ def test_a_coarse_curve_is_measured_along_the_surface(networks):
     """Two points on a bowl: the landmarks are equally spaced over its rise, not along the chord
     below it."""
     surface = bowl(2.0)
-    networks(detect=lambda surface, z, ends: [z[pair] for pair in ends])
+    networks(lambda surface, z, ends: [z[pair] for pair in ends], no_predict)
     across = [spoke(0)[-1], spoke(21)[-1]]
-    result = register(surface, surface, [{"name": "across", "moving": across, "control": across}], method="network")
-    line = result.curves["across"][0]
-    where = ParameterizedSurface(surface, Disk(result.disk_moving, surface.faces)).lift(line)
+    curves = [{"name": "across", "moving": across, "control": across}]
+    line = register(surface, surface, curves, method="network", tolerance=np.inf).curves["across"][0]
+    where = parameterize(surface).lift(line)
     assert np.linalg.norm(np.diff(where, axis=0), axis=1).sum() > 1.3 * np.linalg.norm(where[-1] - where[0])
 
 
@@ -456,12 +431,6 @@ def test_the_shipped_networks_register(pair):
     report = register(moving, control, curves, method="network", gamma=1e4).report
     assert report["bijective"] and report["flipped"] == 0 and report["landmark_error"] <= 5e-3
     assert not any("answered for gamma" in word for word in report["fallbacks"])
-
-
-def test_a_gamma_that_the_network_lowers_is_reported(networks, pair):
-    networks(most=2e3)
-    assert by_networks(pair, gamma=1e4).report["fallbacks"] == ["CP-Net answered for gamma = 2e+03"]
-    assert by_networks(pair, gamma=1e3).report["fallbacks"] == []
 
 
 @pytest.mark.parametrize("size", [1.0, np.nan])
@@ -479,150 +448,9 @@ def test_without_torch_the_error_says_what_to_install(monkeypatch, pair):
         by_networks(pair)
 
 
-@pytest.mark.parametrize(
-    "options, message",
-    [
-        ({"annotations": (["a"], ["a"])}, r"register\(annotations=\) went with version 0.3: .*f1_score"),
-        ({"tolerance": 1e-3}, "tolerance belongs to method 'network'"),
-        ({"method": "network", "sliding": True}, "sliding belongs to method 'exact'"),
-        ({"method": "network", "tolerance": 0.0}, "tolerance = 0.0: give a positive landmark error"),
-        ({"method": "network", "tolerance": np.nan}, "tolerance = nan"),
-    ],
-)
-def test_options_that_do_not_go_together_are_refused_before_any_work(options, message):
-    with pytest.raises(ValueError, match=message):
-        register(None, None, None, **options)
-
-
-# Surfaces and weights that are refused
-
-
-def test_an_inward_surface_is_refused_with_the_remedy():
-    good = bowl(0.6)
-    inward = Surface(good.vertices, good.faces[:, ::-1])
-    for pair in ((inward, good), (good, inward)):
-        with pytest.raises(SurfaceError, match=r"faces\[:, ::-1\]|reverse|mirror"):
-            register(*pair, entries(0))
-
-
-def test_a_closed_surface_is_refused_with_the_remedy():
-    good = bowl(0.6)
-    loop = good.boundary
-    lid = np.stack([np.roll(loop, -1), loop, np.full(len(loop), len(good.vertices))], axis=1)
-    closed = Surface(np.vstack([good.vertices, [0, 0, -1]]), np.vstack([good.faces, lid]))
-    for pair in ((closed, good), (good, closed)):
-        with pytest.raises(SurfaceError, match="closed.*open"):
-            register(*pair, entries(0))
-
-
-@pytest.mark.parametrize("weights", [{"alpha": 0}, {"beta": -1}, {"gamma": np.nan}])
-def test_bad_weights_are_refused_before_any_work(weights):
-    with pytest.raises(LandmarkError, match=f"{next(iter(weights))} ="):
-        register(None, None, None, **weights)
-
-
-def test_an_unknown_method_is_refused():
-    with pytest.raises(ValueError, match="unknown method 'magic'"):
-        register(bowl(0.6), bowl(0.6), entries(0), method="magic")
-
-
-# Landmarks files that are refused
+# Curves as given
 
 CURVE = {"name": "a", "moving": [0, 5], "control": [1, 2, 3]}
-BAD_CURVES = [
-    ({}, "one key 'curves'; found"),
-    ({"curve": [CURVE]}, r"one key 'curves'; found \['curve'\]"),
-    ({"curves": [CURVE], "version": 1}, r"found \['curves', 'version'\]"),
-    ({"curves": []}, "hold no curves"),
-    ({"curves": "a"}, "hold no curves"),
-    ("central sulcus", "hold no curves"),
-    (None, "hold no curves"),
-    ([7], "curve 0 has int"),
-    ([CURVE, {"name": "b", "moving": [0, 5]}], r"curve 1 has \['moving', 'name'\]; it needs name, moving, control"),
-    ([CURVE | {"colour": "red"}], "curve 0 has .*'colour'.*may have detect"),
-    ([CURVE | {"name": 3}], "curve 0: name must be text"),
-    ([CURVE | {"detect": "no"}], "detect and hold_out true or false"),
-    ([CURVE, CURVE], r"names used twice: \['a'\]; rename"),
-    ([CURVE | {"moving": [0]}], "curve 'a', moving side: .*at least two vertex indices"),
-    ([CURVE | {"control": [0, 999_999]}], r"curve 'a', control side: .*out of range 0..588: \[999999\]"),
-    ([CURVE | {"control": [0, -1]}], r"curve 'a', control side: .*out of range"),
-    ([CURVE | {"moving": [0.5, 2]}], "curve 'a', moving side: .*float64"),
-    ([CURVE | {"moving": "central"}], "curve 'a', moving side"),
-    ([CURVE | {"moving": [[1], [2, 3]]}], "curve 'a', moving side: .*unequal lengths"),
-    ([CURVE | {"moving": [2**70, 3]}], "curve 'a', moving side"),
-    ([CURVE | {"moving": [4, 4]}], "curve 'a', moving side: .*repeats vertex 4"),
-]
-
-
-@pytest.mark.parametrize("curves, message", BAD_CURVES)
-def test_bad_landmarks_files_are_refused(curves, message):
-    surface = bowl(0.6)
-    with pytest.raises(LandmarkError, match=message):
-        check_curves(curves, surface, surface)
-
-
-@pytest.mark.parametrize(
-    "side, wanted, message",
-    [
-        (
-            "moving",
-            {"vertices": 588},
-            r"another moving surface \(588 vertices; this one has 589 vertices, sha256 \w{12}\)",
-        ),
-        (
-            "control",
-            {"sha256": "0" * 64},
-            r"another control surface \(sha256 000000000000; .*: numbers of one mesh mean nothing",
-        ),
-        (
-            "control",
-            bowl(0.6).fingerprint,
-            r"another control surface .*: exchanged: they fit the moving surface; exchange MOVING",
-        ),
-        ("moving", {"vertices": 589, "md5": "0"}, 'surfaces, moving: give "vertices" and "sha256", and nothing else'),
-        ("moving", 589, "surfaces, moving: give"),
-        ("both", {}, "'surfaces' must be"),
-    ],
-)
-def test_landmarks_made_for_other_surfaces_are_refused(side, wanted, message):
-    curves = {"curves": entries(0), "surfaces": {"moving": bowl(0.6).fingerprint, "control": bowl(0.9).fingerprint}}
-    check_curves(curves, bowl(0.6), bowl(0.9))
-    with pytest.raises(LandmarkError, match=message):
-        check_curves(curves | {"surfaces": curves["surfaces"] | {side: wanted}}, bowl(0.6), bowl(0.9))
-
-
-def test_a_mirrored_surface_counts_as_the_one_that_landmarks_were_made_for():
-    curves = {"curves": entries(0), "surfaces": {"moving": bowl(0.6).fingerprint}}
-    assert mirror(bowl(0.6)).fingerprint != bowl(0.6).fingerprint
-    assert len(check_curves(curves, mirror(bowl(0.6)), bowl(0.9))) == 3
-
-
-@pytest.mark.parametrize(
-    "path, table, size, hint",
-    [
-        (
-            [3, 590],
-            None,
-            600,
-            " exchanged: or of the control surface, which has so many? then exchange MOVING and CONTROL",
-        ),
-        ([3, 590], None, 20, ""),
-        (
-            [10, 597],
-            np.arange(10, 599),
-            600,
-            " numbering: all are vertices of the whole surface; give their numbers on the cut one",
-        ),
-        ([3, 590], np.arange(10, 599), 20, ""),
-        ([-1, 590], None, 600, ""),
-    ],
-)
-def test_numbers_out_of_range_are_met_with_what_they_may_be(path, table, size, hint):
-    moving = Surface(bowl(0.6).vertices, bowl(0.6).faces, original_vertices=table)
-    control = bowl(0.6, rings={600: 15, 20: 3}[size])
-    with pytest.raises(LandmarkError) as refusal:
-        check_curves([{"name": "a", "moving": path, "control": [0, 1]}], moving, control)
-    assert str(refusal.value).endswith("(before it was cut open, say)?" + hint)
 
 
 def test_two_vertices_are_endpoints_unless_the_file_says_otherwise():

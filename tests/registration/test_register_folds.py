@@ -4,7 +4,6 @@ are told."""
 import json
 import re
 import sys
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,10 +12,10 @@ from test_register import bowl, entries
 
 from qclearn.plane.bijectivity import BijectivityError
 from qclearn.plane.grids import polar_disk
-from qclearn.registration.curves import Curve, detect_curves, held_apart
-from qclearn.registration.features import Feature, FeatureError
+from qclearn.registration.curves import check_curves, detect_curves, held_apart
+from qclearn.registration.features import Feature
 from qclearn.registration.fit import fit_registration
-from qclearn.registration.problem import DELTA, LandmarkError
+from qclearn.registration.problem import DELTA, LandmarkError, Weights
 from qclearn.registration.register import register
 
 MOVING, CONTROL = bowl(0.6), bowl(1.2)  # vertices of the same number belong together
@@ -61,11 +60,14 @@ def test_the_report_tells_features_and_held_out_curves(pairs):
 
 
 def test_curves_are_held_out_by_name_or_in_the_file():
-    marked = [entry | {"hold_out": entry["name"] != "spoke 0"} for entry in entries(0)]
-    by_file = register(MOVING, CONTROL, {"curves": marked}, gamma=1e2, features=None).report
-    held = ("spoke 1", "spoke 2")
-    by_name = register(MOVING, CONTROL, entries(0), gamma=1e2, features=None, hold_out=held).report
-    assert by_file["held_out_mm"] == by_name["held_out_mm"] and len(by_file["held_out_mm"]) == 2
+    """And a text is one name."""
+    held = ["spoke 1", "spoke 2"]
+    marked = check_curves([entry | {"hold_out": entry["name"] in held} for entry in entries(0)], MOVING, CONTROL)
+    plain = check_curves(entries(0), MOVING, CONTROL)
+    for curves, names in ((marked, ()), (plain, held), (plain, "spoke 1")):
+        fitted, apart = held_apart(curves, names)
+        assert [curve.name for curve in apart] == (held if names != "spoke 1" else [names])
+        assert [curve for curve in curves if curve not in apart] == fitted
 
 
 def test_without_landmarks_features_alone_register():
@@ -93,20 +95,15 @@ def test_delta_is_lowered_before_gamma(monkeypatch):
 
     def folding(problem, weights, *more):
         tried.append((weights.delta, weights.gamma))
-        fit = fit_registration(problem, weights, *more)
-        return fit if weights.gamma < 1e4 else replace(fit, bijective=False, flipped=np.array([7]))
+        if weights.gamma >= 1e4:
+            return SimpleNamespace(bijective=False, flipped=np.array([7]))
+        return fit_registration(problem, weights, *more)
 
     monkeypatch.setattr("qclearn.registration.fit.fit_registration", folding)
     report = register(MOVING, CONTROL, entries(0), features=FEATURES[:1], gamma=1e5, delta=0.4).report
     assert tried == [(0.4, 1e5), (0.1, 1e5), (0.1, 1e4), (0.1, 1e3)]
     assert report["fallbacks"] == ["delta lowered to 0.1", "gamma lowered to 1000"]
-
-
-def test_features_that_fold_at_every_delta_are_refused(monkeypatch):
-    def folding(problem, weights, *more):
-        return SimpleNamespace(bijective=False, flipped=np.array([7]))
-
-    monkeypatch.setattr("qclearn.registration.fit.fit_registration", folding)
+    monkeypatch.setattr("qclearn.registration.fit.fit_registration", lambda *_: folding(None, Weights(gamma=1e5)))
     with pytest.raises(BijectivityError, match="for these features down to delta = 0.00390625 .*the features of both"):
         register(MOVING, CONTROL, [], features=FEATURES, delta=1.0)
 
@@ -133,48 +130,6 @@ def test_the_networks_answer_is_where_the_features_begin(monkeypatch):
         register(MOVING, CONTROL, [], "network", features=FEATURES)
 
 
-REFUSED = [
-    ({"features": FEATURES, "delta": 0}, LandmarkError, "delta = 0: the features would take no part"),
-    ({"features": FEATURES, "delta": -1.0}, LandmarkError, "delta = -1.0: must be finite and not negative"),
-    ({"features": None, "delta": -1.0}, LandmarkError, "delta = -1.0: must be finite and not negative"),
-    ({"features": None, "delta": "x"}, LandmarkError, "delta = 'x': must be finite and not negative"),
-    ({"method": "network", "tolerance": 1e-3}, ValueError, "tolerance belongs to .*by landmarks alone"),
-    ({"features": ["sulc"]}, FeatureError, "unknown feature 'sulc'"),
-    ({"features": [(FOLDS[0], FOLDS[0][1:])]}, FeatureError, "feature 1, control side: shape"),
-    ({"hold_out": ["spoke 7"]}, LandmarkError, "no curve is called 'spoke 7'.*'spoke 0', 'spoke 1', 'spoke 2'"),
-    ({"hold_out": ["spoke 0", "spoke 1", "spoke 2"], "features": None}, LandmarkError, "all curves are held out"),
-]
-
-
-@pytest.mark.parametrize("options, error, message", REFUSED)
-def test_what_cannot_be_done_is_refused(options, error, message):
-    with pytest.raises(error, match=message):
-        register(MOVING, CONTROL, entries(0), **options)
-
-
-def test_neither_landmarks_nor_features_is_refused():
-    with pytest.raises(LandmarkError, match="landmarks hold no curves"):
-        register(MOVING, CONTROL, [], features=None)
-
-
 def test_folds_lead_unless_they_are_told_not_to():
     report = register(MOVING, CONTROL, entries(0), gamma=1e2).report
     assert list(report["features"]) == list(report["r"]) == ["depth", "curvature"] and report["delta"] == DELTA
-
-
-@pytest.mark.parametrize("names", [None, 5, [1, "a"], [["a"]]])
-def test_names_to_hold_out_are_text(names):
-    with pytest.raises(LandmarkError, match="hold_out is .*: give a list of names of curves"):
-        held_apart([], names)
-
-
-def test_curves_are_held_apart_by_their_names_alone():
-    """And a text is one name."""
-    given = [Curve(name, np.arange(3), np.arange(3), {}) for name in "abc"]
-    fitted, held = held_apart(given, "b")
-    assert [curve.name for curve in fitted] == ["a", "c"] and held == [given[1]]
-
-
-def test_hold_out_is_true_or_false():
-    with pytest.raises(LandmarkError, match="curve 0: name must be text, and detect and hold_out true or false"):
-        register(MOVING, CONTROL, [entry | {"hold_out": "yes"} for entry in entries(0)])

@@ -15,7 +15,7 @@ from qclearn.benchmark.pairs import cohort_pair, mapped
 from qclearn.cli import main, registration
 from qclearn.io.hemisphere import read_hemisphere
 from qclearn.plane.disk import Disk
-from qclearn.registration.problem import LandmarkError, Problem, Weights
+from qclearn.registration.problem import Problem, Weights
 from qclearn.registration.uncertainty import Laplace, calibrated
 from subjects import grown
 
@@ -144,23 +144,6 @@ def test_what_is_no_radius_fails_the_same_checks(planted):
     factors, _ = calibrate_uncertainty.factors_of(pairs, share=0.5)
     fault = faults([calibrate_uncertainty.judged(pair, factors) for pair in pairs], 0.33)
     assert fault == [] if planted == "right" else any("rank" in line for line in fault)
-
-
-@pytest.mark.parametrize(
-    "options, words",
-    [
-        ({"method": "network"}, "network"),
-        ({"sliding": True}, "sliding"),
-        ({"features": ["depth"]}, "other features"),
-        ({"delta": 40.0}, "delta = 40 is far"),
-        ({"eta": 50.0}, "eta = 50 is far"),
-        ({"features": None, "gamma": 1e5}, "gamma = 100000 is far"),
-    ],
-)
-def test_where_it_was_not_calibrated_it_is_refused(options, words):
-    surface = bowl(0.4)
-    with pytest.raises(LandmarkError, match=words):
-        qc.register(surface, surface, entries(0), uncertainty=True, **options)
 
 
 def test_the_command_writes_the_radius_and_tells_it(tmp_path, capsys, monkeypatch, plain_figure):

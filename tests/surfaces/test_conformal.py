@@ -216,6 +216,7 @@ COMBINED = [
     ((noisy, 0.3), (with_slivers, 300, 1e-2)),
 ]
 VARIANTS = [(step,) for step in STRESS] + COMBINED
+HARDEST = {3, 8, 13, 17, 22, 25, *range(len(STRESS), len(VARIANTS))}  # of each kind, and all combined
 FOUR = [(hemisphere, kind) for hemisphere in ("left", "right") for kind in ("pial", "white")]
 
 
@@ -228,7 +229,7 @@ def stressed(surface, variant, seed):
 
 @pytest.mark.parametrize(
     "number",
-    range(len(VARIANTS)),
+    [number if number in HARDEST else pytest.param(number, marks=pytest.mark.slow) for number in range(len(VARIANTS))],
     ids=lambda number: "-".join(f"{change.__name__} {arguments[-1]}" for change, *arguments in VARIANTS[number]),
 )
 def test_stressed_cortex_has_no_flipped_triangle(number):
