@@ -18,6 +18,7 @@ from test_imports import distributions
 
 ROOT = Path(__file__).resolve().parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+NUMBER = re.compile(r"\d+\.\d+")
 
 
 @pytest.fixture(scope="module")
@@ -47,21 +48,22 @@ def test_the_wheel_carries_what_reports_are_made_of(packages):
     assert "qclearn/reports/templates/page.html" in wanted and wanted == carried
 
 
-def test_the_wheel_registers_without_what_extras_bring(packages, tmp_path):
+def test_the_wheel_runs_the_readmes_example_as_printed_without_what_extras_bring(packages, tmp_path):
     """All that is hidden here stands in no core requirement: `qclearn` alone has to do."""
-    project = PROJECT["optional-dependencies"]
+    project, readme = PROJECT["optional-dependencies"], (ROOT / "README.md").read_text(encoding="utf-8")
     brought = set().union(*map(distributions, project.values())) - distributions(PROJECT["dependencies"])
     brought -= {"platformdirs"}  # which pyvista brings, too
     with zipfile.ZipFile(packages[1]) as archive:
         archive.extractall(tmp_path / "wheel")
-    program = f"""import sys
-sys.path.insert(0, "wheel")
-sys.modules |= dict.fromkeys({sorted(brought)})
-import qclearn as qc
-moving = qc.mirror(qc.fsaverage5("right"))
-found = qc.register(moving, qc.fsaverage5("left"), qc.demo_landmarks(), features=None).report
-print("wheel" in qc.__file__, found["bijective"], found["landmark_error"] < found["landmark_error_before"] / 4)"""
-    assert run_outside(sys.executable, "-c", program, cwd=tmp_path).split() == ["True"] * 3
+    hidden = f"import sys\nsys.path.insert(0, 'wheel')\nsys.modules |= dict.fromkeys({sorted(brought)})\n"
+    (example,) = re.findall(r"```python\n(.*?)```", readme, re.DOTALL)
+    (printed,) = re.findall(r"It prints\n\n```text\n(.*?)```", readme, re.DOTALL)
+    found = run_outside(sys.executable, "-c", f"{hidden}{example}\nassert 'wheel' in qc.__file__", cwd=tmp_path)
+    assert NUMBER.split(found) == NUMBER.split(printed) and "bijective: True" in found
+    assert [*map(float, NUMBER.findall(found))] == pytest.approx([*map(float, NUMBER.findall(printed))], abs=0.11)
+    before, after = map(float, re.search(r"landmark error ([\d.]+) -> ([\d.]+)", found).groups())
+    assert 0 < after < before / 4
+    assert (tmp_path / "registered.ply").stat().st_size > 0
 
 
 @pytest.mark.slow
