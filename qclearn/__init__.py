@@ -8,9 +8,6 @@ TABLE = {
     "io.fsaverage": "demo_landmarks fsaverage5",
     "io.meshes": "read_surface write_surface",
     "io.values": "read_mask read_values write_values",
-    "group.members": "TemplateError",
-    "group.template": "Template template",
-    "group.workers": "WorkersError",
     "plane.beltrami": "BeltramiDiskSolver beltrami_coefficient hat_gradients jacobian locate "
     "signed_areas solve_beltrami solve_beltrami_disk stiffness wirtinger",
     "plane.bijectivity": "BijectivityError Certificate RepairWarning check_bijective "
@@ -38,6 +35,6 @@ _attribute, __dir__, __all__ = lazy.attach(__name__, submod_attrs=MODULES)
 
 def __getattr__(name):
     """A name of MODULES, or the line of one that went."""
-    if f"qclearn.{name}" in GONE and name not in __all__:
+    if f"qclearn.{name}" in GONE:
         raise AttributeError(gone(f"qclearn.{name}"))
     return _attribute(name)

@@ -65,8 +65,8 @@ def test_importing_the_library_loads_nothing_and_its_names_no_network_and_no_pic
 IMPORTED_AS = {"scikit-image": "skimage", "cat-surf": "cat_surf", "lazy-loader": "lazy_loader"}
 # Come with another package: with pyvista, two with distributed, and with matplotlib.
 BROUGHT = {"vtkmodules", "dask", "cloudpickle", "PIL"}
-# Needed without an import: fsaverage5's files.
-UNIMPORTED = {"nilearn"}
+# Needed without an import: fsaverage5's files, and the loop over a cohort.
+UNIMPORTED = {"nilearn", "joblib"}
 
 
 @pytest.fixture(scope="module")
@@ -92,14 +92,13 @@ def test_the_core_and_each_extra_require_what_they_import(graph):
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     required = {name: distributions(texts) for name, texts in project["optional-dependencies"].items()}
     core = distributions(project["dependencies"])
-    of_extras = ["qclearn.group", "qclearn.nets", "qclearn.benchmark"]
+    of_extras = ["qclearn.nets", "qclearn.benchmark"]
     found = libraries(graph, "qclearn", without=of_extras)
     assert found - required["fast"] == core - UNIMPORTED and required["fast"] < found
     assert required["peers"] == {"cat_surf"}
     assert libraries(graph, "data_synth", without=["data_synth.datasets"]) - core == required["synth"]
     assert libraries(graph, "qclearn.nets") - core == required["nets"]
     assert libraries(graph, "qclearn.benchmark") - core == required["benchmark"]
-    assert libraries(graph, "qclearn.group") - core < required["benchmark"]  # the scheduler of several workers
 
 
 def test_nothing_imports_what_is_under_another_licence(graph):

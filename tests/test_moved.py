@@ -2,10 +2,12 @@
 
 import pytest
 
+import qclearn
 from qclearn.cli import main
 from qclearn.moved import GONE
 
 COMMANDS = [name for name in GONE if name.startswith(("qclearn ", "--"))]
+NAMES = [name for name in GONE if name.startswith("qclearn.")]
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -16,3 +18,9 @@ def test_a_command_or_an_option_that_went_names_what_stands_in_its_place(name, c
     line = capsys.readouterr().err
     assert stop.value.code == 2 and line.count("\n") == 1
     assert line.startswith(f"qclearn: {name} went with version 0.3: {GONE[name]}")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_name_that_went_names_what_stands_in_its_place(name):
+    with pytest.raises(AttributeError, match=f"^{name} went with version 0.3: "):
+        getattr(qclearn, name.partition(".")[2])

@@ -20,12 +20,11 @@ WRITERS = {  # of the files in RESULTS
     "people": "book/studies/peers.py",
     "sizes": "book/studies/sizes.py",
     "suspect": "book/studies/suspect.py",
-    "template": "book/studies/template.py",
     "training": "book/studies/training.py",
     "weights": "book/studies/choose_weights.py",
 }
 # Files with a line per entry, and the list in a file that has a line per entry.
-DENSE = ("template", "training")
+DENSE = ("training",)
 LISTED = dict.fromkeys((*OWN, "sizes"), "rows") | {"suspect": "cases"}
 
 

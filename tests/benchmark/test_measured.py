@@ -65,9 +65,7 @@ def test_figures_that_do_not_fit_are_refused_where_they_stand(figures, part, key
         read_measured("networks", path)
 
 
-@pytest.mark.parametrize(
-    "name, key", [("sizes", "rows"), ("suspect", "cases"), ("template", "provenance"), ("weights", "table")]
-)
+@pytest.mark.parametrize("name, key", [("sizes", "rows"), ("suspect", "cases"), ("weights", "table")])
 def test_other_figures_that_lack_something_are_refused(name, key, tmp_path):
     figures = read_measured(name)
     del figures[key]

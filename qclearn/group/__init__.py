@@ -1,1 +1,0 @@
-"""Templates: subjects registered to their mean, round after round, on many workers."""
