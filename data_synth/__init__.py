@@ -5,7 +5,7 @@ import lazy_loader as lazy
 from qclearn.io.extras import require
 
 TABLE = {
-    "cohort": ["CohortWarning", "cohort", "hemispheres"],
+    "cohort": ["cohort", "hemispheres"],
     "correspondence": ["correspondence", "depth_correlation", "locate_on_sphere"],
     "cortex": ["CortexError", "Mechanics", "growth_frames", "make_cortex", "unfolded"],
     "datasets": ["CurveDataset", "cached"],

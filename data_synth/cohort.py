@@ -2,7 +2,6 @@
 
 import os
 import tempfile
-import warnings
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -16,10 +15,6 @@ from .generations import GENERATION
 from .subjects import load_cortex, save_cortex
 
 SEEDS = tuple(range(1001, 1025))
-
-
-class CohortWarning(UserWarning):
-    """A damaged file of the cohort was made again."""
 
 
 def cohort(
@@ -39,28 +34,47 @@ def hemispheres(
 ):
     """The left hemispheres of `seeds`, a list of Cortex, from files made where missing.
 
-    Files lie in `folder` (default: `default_folder()`); a damaged one is made again with a
-    CohortWarning, and an interrupted run continues where it stopped. `workers` run at the same
-    time, a hemisphere of 10,000 vertices takes one about ten seconds. CortexError for an unwritable
-    folder, and for a file of another generation among them.
+    Files lie in `folder` (default: `default_folder()`), and an interrupted run continues where it
+    stopped. `workers` run at the same time, a hemisphere of 10,000 vertices takes one about ten
+    seconds. CortexError for an unwritable folder, and for a file that cannot be read or is of
+    another generation.
     """
     if not isinstance(workers, int) or workers < 1:
         raise CortexError(f"workers is {workers!r}; give a whole number from 1.")
     require_generation(generation)
     folder = default_folder() if folder is None else Path(folder)
     paths = [subject_path(folder, seed, n_vertices, generation) for seed in seeds]
-    _require_writable(subject_path(folder, SEEDS[0], n_vertices, generation).parent)
-    missing = [(seed, path) for seed, path in zip(seeds, paths) if not _is_whole(path)]
+    inner = subject_path(folder, SEEDS[0], n_vertices, generation).parent
+    try:
+        inner.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=inner).close()  # of a name of its own: others may try, too
+    except OSError as error:
+        raise CortexError(
+            f"the cohort's folder {folder} cannot be written ({error.strerror or error}); give "
+            "another folder."
+        ) from None
+
+    def make(seed, path):
+        save_cortex(path, make_cortex(seed, n_vertices, generation=generation))
+
+    missing = [(seed, path) for seed, path in zip(seeds, paths) if not path.is_file()]
     # Threads suffice: the growth runs outside the interpreter's lock.
     with ThreadPoolExecutor(workers) as pool:
-        jobs = [pool.submit(_make, seed, n_vertices, path, generation) for seed, path in missing]
+        jobs = [pool.submit(make, seed, path) for seed, path in missing]
         try:
             for job in tqdm(jobs, desc="synthetic hemispheres", disable=not progress or not jobs):
                 job.result()
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
-    return [_of_generation(generation, path, load_cortex(path)) for path in paths]
+    subjects = [load_cortex(path) for path in paths]
+    for path, subject in zip(paths, subjects):
+        if subject.generation != generation:
+            raise CortexError(
+                f"{path} holds a subject of generation {subject.generation} where those of "
+                f"generation {generation} lie; remove it, and it is made again."
+            )
+    return subjects
 
 
 def default_folder():
@@ -72,40 +86,3 @@ def default_folder():
 def subject_path(folder, seed, n_vertices, generation=GENERATION, hemisphere="left"):
     """The file of one subject of the cohort."""
     return Path(folder) / f"generation-{generation}" / f"{hemisphere}-{n_vertices}-{seed}.npz"
-
-
-def _make(seed, n_vertices, path, generation):
-    save_cortex(path, make_cortex(seed, n_vertices, generation=generation))
-
-
-def _of_generation(generation, path, subject):
-    if subject.generation != generation:
-        raise CortexError(
-            f"{path} holds a subject of generation {subject.generation} where those of generation "
-            f"{generation} lie; remove it, and it is made again."
-        )
-    return subject
-
-
-def _is_whole(path):
-    """Whether the file is there and can be read; warns where it is there and cannot."""
-    if not path.is_file():
-        return False
-    try:
-        load_cortex(path)
-    except CortexError as error:
-        warnings.warn(f"{error} It is made again now.", CohortWarning, stacklevel=3)
-        return False
-    return True
-
-
-def _require_writable(inner):
-    try:
-        inner.mkdir(parents=True, exist_ok=True)
-        # Of a name of its own: others may try at the same time.
-        tempfile.TemporaryFile(dir=inner).close()
-    except OSError as error:
-        raise CortexError(
-            f"the cohort's folder {inner.parent} cannot be written ({error.strerror or error}); "
-            "give another folder."
-        ) from None

@@ -7,7 +7,5 @@ def compiled(function):
     """The function compiled at its first call, without the interpreter's lock; deterministic."""
     try:
         return njit(cache=True, nogil=True)(function)
-    except (
-        RuntimeError
-    ):  # numba found no writable folder for its cache, as in a read-only installation
+    except RuntimeError:  # no writable folder for numba's cache, as in a read-only installation
         return njit(nogil=True)(function)

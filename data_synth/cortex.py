@@ -164,11 +164,8 @@ def growth_frames(seed, n_vertices=3_000, frames=20):
     m, film = Mechanics(), np.empty((frames - 1, n_vertices, 3))
     surface, _ = grown(Individual(seed, "left"), n_vertices, m, film=film)
     progress = np.minimum(1, np.arange(frames) / (GROWN * (frames - 1)))
-    return (
-        np.concatenate([film, surface.vertices[None]]),
-        surface.faces,
-        1 + (m.growth - 1) * progress,
-    )
+    positions = np.concatenate([film, surface.vertices[None]])
+    return positions, surface.faces, 1 + (m.growth - 1) * progress
 
 
 def grown(person, n_vertices, mechanics=Mechanics(), clock=None, film=None):
@@ -184,21 +181,16 @@ def grown(person, n_vertices, mechanics=Mechanics(), clock=None, film=None):
     film = np.empty((0, n_vertices, 3)) if film is None else film
     x, hull = _fold(person, directions, template, held, sheet, mechanics, (clock, film))
     x = untangle(x, faces, sheet.start, sheet.index, held)
-    curves = _curves(person, x, sheet, depth_below(x, *hull))
+    # fundus paths of the named sulci
+    depth, normal = depth_below(x, *hull), vertex_normals(x, faces)
+    length, curves = np.sqrt(_area(x, faces)), {}
+    for name, course in person.courses.items():
+        path = trace(x, sheet, normal, depth, person.position(course), person.guidance)
+        curves[name] = trim(x, path, depth, LONGEST.get(name, np.inf) * length)
     left = person.hemisphere == "left"
     scale = np.sqrt(person.area / _area(x, faces)) * np.array([-1 if left else 1, 1, 1])
     film *= scale
     return Surface(x * scale, faces[:, ::-1] if left else faces, curves), template
-
-
-def _curves(person, x, sheet, depth):
-    """Fundus paths of the named sulci, dict name -> (k,) vertices."""
-    normal, length = vertex_normals(x, sheet.faces), np.sqrt(_area(x, sheet.faces))
-    paths = {}
-    for name, course in person.courses.items():
-        path = trace(x, sheet, normal, depth, person.position(course), person.guidance)
-        paths[name] = trim(x, path, depth, LONGEST.get(name, np.inf) * length)
-    return paths
 
 
 def _fold(person, directions, template, held, sheet, mechanics, record):

@@ -21,10 +21,7 @@ class Guidance:
     pull: float = 0.010  # inward force on furrows, released after mid-growth ...
     width: float = 0.03  # ... and its standard deviation across them
     anisotropy: float = 1.0  # share of the growth that is missing along furrows
-    companions: tuple[float, float] = (
-        0.5,
-        0.9,
-    )  # least and largest strength of furrows without a name
+    companions: tuple[float, float] = (0.5, 0.9)  # least and largest strength of unnamed furrows
     corridor: float = 0.06  # how far beside its course a fundus is traced
     aside: float = 0.02  # the distance there at which a poor valley costs twice as much ...
     aside_cost: float = 0.1  # ... and what it adds in the best one, whose own cost is 0.02
@@ -32,11 +29,7 @@ class Guidance:
     hold: float = 0.003
     # Force towards the folds that the template grows by itself, which stays.
     pattern: float = 0.0016
-    presence: tuple[float, float, float] = (
-        0.7,
-        0.5,
-        1.2,
-    )  # of these in a subject: mean, deviation, most
+    presence: tuple[float, float, float] = (0.7, 0.5, 1.2)  # in a subject: mean, deviation, most
 
 
 GENERATIONS = {3: Guidance(), 4: Guidance(keeps_area=True)}

@@ -1,13 +1,12 @@
 """Synthetic hemispheres in npz files, whole or not at all."""
 
-import io
 import zipfile
 import zlib
 from pathlib import Path
 
 import numpy as np
 
-from qclearn.io.safe import write_whole
+from qclearn.io.safe import npz_arrays, npz_bytes, write_whole
 from qclearn.surfaces.surface import Surface, SurfaceError
 
 from .cortex import HEMISPHERES, Cortex, CortexError
@@ -23,7 +22,6 @@ def save_cortex(path, cortex):
     The same hemisphere gives the same bytes. SurfaceError where the folder cannot be written;
     nothing partial stays.
     """
-    path = Path(path)
     arrays = {
         "vertices": cortex.surface.vertices, "faces": cortex.surface.faces, "template": cortex.template,
         "seed": np.array(cortex.seed), "hemisphere": np.array(cortex.hemisphere),
@@ -31,18 +29,13 @@ def save_cortex(path, cortex):
         **{trait: np.array(getattr(cortex, trait), dtype=str) for trait in TRAITS},
         **{f"curve_{name}": curve for name, curve in cortex.curves.items()},
     }  # fmt: skip
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays)
-    write_whole(path, lambda place: place.write_bytes(buffer.getvalue()))
+    write_whole(Path(path), lambda place: place.write_bytes(npz_bytes(arrays)))
 
 
 def load_cortex(path):
     """Read a hemisphere that save_cortex wrote; CortexError where that is impossible."""
-    path = Path(path)
     try:
-        # From memory: np.load leaves the file open where the archive is damaged.
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
+        arrays = npz_arrays(Path(path).read_bytes())
     except FileNotFoundError:
         raise CortexError(
             f"{path} does not exist; make it with `qclearn synth --seed 1 --out {path}`."
@@ -67,12 +60,6 @@ def load_cortex(path):
         surface = Surface(arrays["vertices"], arrays["faces"], curves)
     except SurfaceError as error:
         raise CortexError(f"{path} is damaged: {error}") from None
+    seed, generation = (int(arrays[name]) for name in ("seed", "generation"))
     traits = (tuple(map(str, arrays[trait])) for trait in TRAITS)
-    return Cortex(
-        surface,
-        arrays["template"],
-        int(arrays["seed"]),
-        hemisphere,
-        int(arrays["generation"]),
-        *traits,
-    )
+    return Cortex(surface, arrays["template"], seed, hemisphere, generation, *traits)

@@ -65,13 +65,6 @@ def test_a_hemisphere_is_an_outward_disk_in_millimetres(hemisphere):
     assert medial > 0 if hemisphere == "left" else medial < 0
 
 
-def test_the_surface_is_folded():
-    surface = subject().surface
-    curvature, depth = mean_curvature(surface), sulcal_depth(surface)
-    assert np.corrcoef(curvature, depth)[0, 1] < -0.4
-    assert depth.max() > 12  # mm
-
-
 @pytest.mark.parametrize("hemisphere", ["left", "right"])
 def test_the_template_is_one_to_one_and_ends_at_the_common_wall(hemisphere):
     cortex = subject(1, hemisphere)
@@ -89,6 +82,7 @@ def test_curves_are_paths_of_edges_in_folds():
     surface = subject().surface
     assert set(subject().curves) == set(SULCI)
     curvature, depth = mean_curvature(surface), sulcal_depth(surface)
+    assert np.corrcoef(curvature, depth)[0, 1] < -0.4 and depth.max() > 12  # mm
     edges = set(map(tuple, surface.edges))
     concave = []
     for path in surface.curves.values():
@@ -142,7 +136,7 @@ def test_the_seed_decides_everything():
 def test_folds_correspond():
     """A generation whose folds slid off their furrows had 0.68, and curves 5 mm apart."""
     one, other = subject(1), subject(2)
-    assert depth_correlation(one, other) > 0.77
+    assert depth_correlation(one, other) > 0.77 and depth_correlation(one, one) == pytest.approx(1)
     truth = correspondence(one, other)
     apart = [curve_distance(truth[path], other.surface.vertices[other.curves[k]]) for k, path in one.curves.items()]
     assert np.mean(apart) < 3.5
@@ -155,10 +149,6 @@ def test_areas_correspond_before_growth_where_the_deformation_keeps_them():
         here, there = (unfolded(replace(cortex, seed=seed, generation=number), template) for seed in (1, 2))
         vary[number] = log2_distortions(Surface(here, faces), there)["log2_area"][1]
     assert vary[4] < 0.6 * vary[3]
-
-
-def test_depths_of_a_subject_and_itself_agree():
-    assert depth_correlation(subject(), subject()) == pytest.approx(1)
 
 
 def test_generations_are_not_mixed():
@@ -183,12 +173,10 @@ def test_the_template_leans_to_itself():
 @pytest.mark.parametrize("generation", GENERATIONS)
 def test_the_pattern_was_grown_with_the_constants_of_each_generation(generation):
     """All but those of the deformation, which the template itself has not."""
-    deformation = {"variability", "smoothness", "keeps_area"}
+    deformation = dict.fromkeys(["variability", "smoothness", "keeps_area"])
     here = json.loads(json.dumps(asdict(GENERATIONS[generation])))
     there = json.loads(FILE.read_text())["guidance"]
-    assert {key: here[key] for key in here.keys() - deformation} == {
-        key: there[key] for key in there.keys() - deformation
-    }
+    assert here | deformation == there | deformation
 
 
 def test_gaps_and_branches_are_recorded_where_they_were_drawn():
@@ -240,14 +228,10 @@ def test_correspondence_is_exact_on_the_template_and_total():
     assert np.allclose(correspondence(a, a), a.surface.vertices)
 
 
-@pytest.mark.parametrize(
-    "arguments, what",
-    [
-        ((1, -5), "n_vertices is -5"), ((1, 10**9), "n_vertices"),
-        ((1, 2500.0), "whole number"), ((-1, SIZE), "seed is -1"),
-        (("one", SIZE), "seed"), ((1, SIZE, "both"), "left, right"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("arguments, what", [
+    ((1, -5), "n_vertices is -5"), ((1, 10**9), "n_vertices"), ((1, 2500.0), "whole number"),
+    ((-1, SIZE), "seed is -1"), (("one", SIZE), "seed"), ((1, SIZE, "both"), "left, right"),
+])  # fmt: skip
 def test_impossible_requests(arguments, what):
     with pytest.raises(CortexError, match=what):
         make_cortex(*arguments)
@@ -274,21 +258,17 @@ def test_unreadable_files(tmp_path):
         load_cortex(path)
     save_cortex(path, subject())
     whole = path.read_bytes()
+    with np.load(path) as file:
+        arrays = dict(file)
     path.write_bytes(whole[: len(whole) // 2])
     with pytest.raises(CortexError, match="no readable npz"):
         load_cortex(path)
-    for lost in ("interrupted", "generation"):
-        save_cortex(path, subject())
-        with np.load(path) as file:
-            np.savez(path, **{name: file[name] for name in file.files if name != lost})
-        with pytest.raises(CortexError, match=f"lacks {lost}"):
+    for lost in (["interrupted"], ["generation"], ["template", "seed", "hemisphere"]):
+        np.savez(path, **{name: array for name, array in arrays.items() if name not in lost})
+        with pytest.raises(CortexError, match=f"lacks {', '.join(lost)}"):
             load_cortex(path)
-    np.savez(path, vertices=subject().surface.vertices, faces=subject().surface.faces)
-    with pytest.raises(CortexError, match="lacks template, seed, hemisphere"):
-        load_cortex(path)
-    (tmp_path / "file").touch()
     with pytest.raises(SurfaceError, match="cannot be written"):
-        save_cortex(tmp_path / "file" / "subject.npz", subject())
+        save_cortex(path / "subject.npz", subject())
 
 
 @pytest.mark.parametrize("kind", [Diffeomorphism, AreaKeeping])
@@ -339,38 +319,19 @@ def _grow_sphere(growth, steps=300):
     settings = np.array([steps, 0.2, 0.25, 0.0, 0.2, 0.005, 0.3, 0.5 * length.mean(), 3.0, 10, 1.0, 0.4, 0.0])
     field = hull_distance(lambda u: np.full(len(u), 0.5))
     clock = np.zeros(2, dtype=np.int64)
-    x = grow(
-        rest.copy(),
-        rest,
-        mesh.vertices,
-        start,
-        index,
-        length,
-        np.zeros(len(rest), bool),
-        np.full(len(index), growth),
-        np.full(len(rest), 0.01),
-        np.zeros(len(rest)),
-        np.zeros(len(rest)),
-        *field,
-        settings,
-        (clock, np.empty((0, *rest.shape))),
-    )
+    lengths, held, still = np.full(len(index), growth), np.zeros(len(rest), bool), np.zeros(len(rest))
+    mechanics = (length, held, lengths, np.full(len(rest), 0.01), still, still)
+    record = clock, np.empty((0, *rest.shape))
+    x = grow(rest.copy(), rest, mesh.vertices, start, index, *mechanics, *field, settings, record)
     assert (clock == [steps - 1, steps]).all()
     return rest, x, depth_below(x, *field)
 
 
-def test_without_growth_the_shell_rests():
+def test_growth_buckles_the_shell_inward_below_its_hull_and_nothing_else_does():
     rest, x, _ = _grow_sphere(1.0)
     assert np.abs(x - rest).max() < 5e-3
-
-
-def test_growth_buckles_the_shell_inward_below_its_hull():
     rest, x, depth = _grow_sphere(1.5)
-    faces = sphere().faces
-    area = [
-        np.linalg.norm(np.cross(p[faces[:, 1]] - p[faces[:, 0]], p[faces[:, 2]] - p[faces[:, 0]]), axis=1).sum()
-        for p in (rest, x)
-    ]
+    area = [Surface(points, sphere().faces).area for points in (rest, x)]
     assert area[1] > 1.4 * area[0]
     assert depth.max() > 0.08 and depth.min() > -0.06
 

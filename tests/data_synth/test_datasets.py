@@ -43,20 +43,18 @@ def same(one, other):
 
 
 @each
-def test_an_item_is_its_indexs_alone(datasets, name):
+def test_an_item_is_its_seeds_and_indexs_alone(datasets, name, subjects):
     dataset = datasets[name]
     forwards = [dataset[k] for k in range(6)]
     assert all(same(dataset[k], forwards[k]) for k in (5, 0, 3))
     for a in range(6):
         for b in range(a):
             assert abs(forwards[a][0] - forwards[b][0]).max() > 1e-2, (a, b)
-
-
-@each
-def test_another_seed_gives_other_items(datasets, name, subjects):
     other = {"coefficients": lambda: Fields(6, 6, **SMALL), "curves": lambda: CurveDataset(6, 6, subjects, 32)}[name]()
-    assert not same(other[0], datasets[name][0])
-    assert not same(other[0], datasets[name][1])  # the seed is no offset of the index
+    assert not same(other[0], forwards[0]) and not same(other[0], forwards[1])  # the seed is no offset of the index
+    for index in (6, -1):
+        with pytest.raises(IndexError):
+            dataset[index]
 
 
 @each
@@ -72,15 +70,6 @@ def test_a_used_dataset_can_be_sent_to_a_process_that_is_spawned(datasets, name)
     sent = pickle.dumps(dataset)
     assert same(pickle.loads(sent)[2], item)
     assert len(sent) < 3e6  # no factorisation comes along
-
-
-@each
-def test_the_length_ends_a_loop(datasets, name):
-    dataset = datasets[name]
-    assert len(dataset) == 6
-    for index in (6, -1):
-        with pytest.raises(IndexError):
-            dataset[index]
 
 
 def test_a_coefficient_item_keeps_to_its_range():
@@ -181,21 +170,14 @@ def test_the_order_of_the_curves_is_that_of_the_names(subjects):
     assert all(same(a, b) for a, b in zip(one, other, strict=True))
 
 
-@pytest.mark.parametrize(
-    "make, message",
-    [
-        (lambda subjects: Fields(0, 1), "count is 0; give a whole number from 1"),
-        (lambda subjects: Fields(2.5, 1), "count is 2.5"),
-        (lambda subjects: Fields(3, -1), "seed is -1"),
-        (lambda subjects: CurveDataset(3, 1, []), "subjects: give at least one"),
-        (
-            lambda subjects: CurveDataset(3, 1, subjects, names=["central sulcus", "silver sulcus"]),
-            "silver sulcus.*central",
-        ),
-        (lambda subjects: CurveDataset(3, 1, [subjects[0], without_curves(subjects[1])]), "same named curves"),
-        (lambda subjects: CurveDataset(3, 1, [without_curves(subjects[1])]), "named curves"),
-    ],
-)
+@pytest.mark.parametrize("make, message", [
+    (lambda subjects: Fields(0, 1), "count is 0; give a whole number from 1"),
+    (lambda subjects: Fields(2.5, 1), "count is 2.5"), (lambda subjects: Fields(3, -1), "seed is -1"),
+    (lambda subjects: CurveDataset(3, 1, []), "subjects: give at least one"),
+    (lambda subjects: CurveDataset(3, 1, subjects, names=["central sulcus", "silver"]), "silver.*central"),
+    (lambda subjects: CurveDataset(3, 1, [subjects[0], without_curves(subjects[1])]), "same named curves"),
+    (lambda subjects: CurveDataset(3, 1, [without_curves(subjects[1])]), "named curves"),
+])  # fmt: skip
 def test_impossible_sets(subjects, make, message):
     with pytest.raises(DatasetError, match=message):
         make(subjects)
@@ -229,12 +211,6 @@ def keep(dataset, path, **options):
     return cached(dataset, path, progress=False, **options)
 
 
-def test_a_kept_set_can_be_read_by_all_who_may_read_files(tmp_path):
-    (tmp_path / "plain").touch()
-    keep(counted(), tmp_path / "training.set")
-    assert (tmp_path / "training.set").stat().st_mode == (tmp_path / "plain").stat().st_mode
-
-
 def test_a_kept_set_is_drawn_once_and_read_back_equal(tmp_path):
     path = tmp_path / "new folder" / "training.set"
     dataset = counted()
@@ -254,35 +230,19 @@ def test_a_set_drawn_by_workers_is_the_same_file(tmp_path):
     assert same(keep(counted(20), tmp_path / "0.npz").tensors, keep(counted(20), tmp_path / "2.npz").tensors)
 
 
-@pytest.mark.parametrize("damage", ["flipped bit", "cut short", "empty", "text", "another archive"])
+@pytest.mark.parametrize("damage", ["cut short", "text", "another archive"])
 def test_a_damaged_file_is_drawn_again_with_a_warning(tmp_path, damage):
     path = tmp_path / "set.npz"
     keep(counted(), path)
     whole = path.read_bytes()
-    if damage == "flipped bit":
-        middle = len(whole) // 2
-        path.write_bytes(whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :])
-    elif damage == "another archive":
+    if damage == "another archive":
         np.savez(path, vertices=np.zeros(3))
     else:
-        path.write_bytes({"cut short": whole[:-300], "empty": b"", "text": b"no archive"}[damage])
+        path.write_bytes({"cut short": whole[:-300], "text": b"no archive"}[damage])
     dataset = counted()
     with pytest.warns(DatasetWarning, match="set.npz is damaged or of another recipe"):
         keep(dataset, path)
     assert dataset.drawn == 5 and path.read_bytes() == whole
-    keep(counted(), path)  # whole from then on: a warning would be an error
-
-
-def test_a_wrong_number_under_a_right_archive_is_found(tmp_path):
-    """zip has checksums of its own; ours also sees an array that was exchanged."""
-    path = tmp_path / "set.npz"
-    keep(counted(), path)
-    with np.load(path) as file:
-        arrays = dict(file)
-    arrays["column_0"] = arrays["column_0"] * np.complex64(1.01)
-    np.savez(path, **arrays)
-    with pytest.warns(DatasetWarning):
-        keep(counted(), path)
 
 
 @pytest.mark.parametrize(
