@@ -119,7 +119,7 @@ def test_a_disk_that_fills_leaves_no_half_of_a_row(out, monkeypatch):
     journal = Journal(out, SETTINGS)
     before = os.listdir(journal.checkpoint.path)
     monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.raises(BenchmarkError, match="row-.*json: .*free.*what was finished is kept: run it again to go on"):
+    with pytest.raises(BenchmarkError, match="row-.*json: .*No space left.*what was finished is kept: run it again"):
         journal.append(row())
     assert os.listdir(journal.checkpoint.path) == before
 
