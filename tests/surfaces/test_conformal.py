@@ -104,7 +104,7 @@ def test_smallest_disks():
     mapped(Surface(curved(z, 3.0), faces))
 
 
-@pytest.mark.parametrize("length", [5, 10, 15, 20, 40])
+@pytest.mark.parametrize("length", [10, 15, 40])
 def test_long_strip(length):
     """Its ends cover exp(-pi length / 2) of the circle: less than rounding resolves, from a length
     of 15 on."""
@@ -250,15 +250,6 @@ def test_the_last_resort_is_positive_weights_everywhere(monkeypatch):
 
 
 # Bad input.
-
-
-def test_what_is_no_disk():
-    z, faces = polar_disk(3, 8)
-    with pytest.raises(SurfaceError, match="2 boundary loops"):
-        disk_conformal_map(Surface(curved(z)[1:], faces[(faces != 0).all(1)] - 1))
-    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
-    with pytest.raises(SurfaceError, match="closed"):
-        disk_conformal_map(Surface(corners, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]))
 
 
 def test_disk_without_interior_vertex():

@@ -167,8 +167,7 @@ def test_pixels_count_where_they_lie(crowded):
     assert row.mean() > 20 and column.mean() == pytest.approx(15.5, abs=0.01)
 
 
-@pytest.mark.parametrize("wall", ["cortex", "thickness"])
-@pytest.mark.parametrize("hemisphere", ["left", "right"])
+@pytest.mark.parametrize("hemisphere, wall", [("left", "cortex"), ("right", "thickness")])
 def test_equal_area_radius_resolves_real_cortex(hemisphere, wall):
     surface = fsaverage5(hemisphere, wall=wall)
     with warnings.catch_warnings():

@@ -102,13 +102,6 @@ def test_faults_of_what_stays_are_refused(mesh, message):
         open_surface((vertices, mesh[1]), mask)
 
 
-def test_a_second_hemisphere_is_not_dropped():
-    whole = sphere()
-    mesh = np.vstack([whole.vertices, whole.vertices + 3]), np.vstack([whole.faces, whole.faces + 642])
-    with pytest.raises(SurfaceError, match="2 components.*each hemisphere in a file of its own"):
-        open_surface(mesh, np.append(CAP, CAP))
-
-
 def test_a_cap_is_cut_off_and_indices_come_back():
     cap = height(sphere()) > 0.8
     opened, index = open_surface(sphere(), cap)
@@ -136,14 +129,6 @@ def test_the_largest_gap_is_the_opening_and_the_others_are_filled():
     assert small.sum() > 1
     _opened, index = open_surface(surface, large | small)
     np.testing.assert_array_equal(index, np.flatnonzero(~large))
-
-
-def test_a_mask_of_pinholes_is_refused():
-    """Of scattered holes one would open and the others be filled: that is no medial wall."""
-    mask = np.zeros(len(sphere().vertices), dtype=bool)
-    mask[[3, 200, 400, 600]] = True
-    with pytest.raises(SurfaceError, match="only a pinhole would open: 3 of the mask's 4 vertices.*one piece.*smooth"):
-        open_surface(sphere(), mask)
 
 
 def test_the_largest_piece_is_kept():
@@ -231,46 +216,37 @@ def test_a_second_cut_of_the_rim_of_an_open_surface():
     assert 5 * 9 + 5 in index
 
 
-def test_a_mask_that_leaves_only_shreds_is_refused():
-    mask = np.ones(len(sphere().vertices), dtype=bool)
-    mask[sphere().faces[[3, 600]]] = False
-    with pytest.raises(SurfaceError, match="shreds.*faces left: 1.*no inner vertex.*smooth the mask"):
-        open_surface(sphere(), mask)
+def at(*vertices, but=False):
+    """Mask on the sphere: True at the vertices named, or everywhere but there."""
+    return np.isin(np.arange(642), vertices) != but
 
 
-@pytest.mark.parametrize("mask, message", [
-    (np.zeros(642, dtype=bool), "cuts nothing.*medial wall"),
-    (np.ones(642, dtype=bool), "cuts everything.*642 of 642.*--keep"),
-    (np.zeros(641, dtype=bool), r"642 booleans.*\(641,\)"),
-    (np.zeros(642, dtype=int), r"642 booleans.*int64.*numpy.zeros\(642, bool\)"),
-    (np.array([3, 4, 5]), "642 booleans"),
-])  # fmt: skip
-def test_masks_that_cannot_be_used(mask, message):
+TORUS = Surface(*torus_mesh())
+TWO = np.vstack([sphere().vertices, sphere().vertices + 3]), np.vstack([sphere().faces, sphere().faces + 642])
+REFUSED = [
+    ("cuts nothing.*medial wall", sphere(), at()),
+    ("cuts everything.*642 of 642.*--keep", sphere(), ~at()),
+    (r"642 booleans.*\(641,\)", sphere(), at()[1:]),
+    (r"642 booleans.*int64.*numpy.zeros\(642, bool\)", sphere(), at().astype(int)),
+    ("642 booleans", sphere(), np.array([3, 4, 5])),
+    # Of scattered holes one would open and the others be filled: that is no medial wall.
+    ("only a pinhole would open: 3 of the mask's 4 vertices.*one piece.*smooth", sphere(), at(3, 200, 400, 600)),
+    ("shreds.*faces left: 1.*no inner vertex.*smooth", sphere(), at(*sphere().faces[[3, 600]].ravel(), but=True)),
+    ("holes inside.*open already.*32 boundary vertices from vertex 0", Surface(*grid(8, 8)), block((4, 4))),
+    ("1 handle", TORUS, np.arange(len(TORUS.vertices)) == 40),
+    ("2 boundary loops", Surface(*grid(8, 8, hole=[(5, 5)])), block((0, 0), (0, 1), (1, 0))),
+    ("2 components.*each hemisphere in a file of its own", TWO, np.append(CAP, CAP)),
+]
+
+
+@pytest.mark.parametrize("message, surface, mask", REFUSED)
+def test_masks_that_leave_no_disk_are_refused(message, surface, mask):
     with pytest.raises(SurfaceError, match=message):
-        open_surface(sphere(), mask)
-
-
-def test_a_hole_inside_an_open_surface_is_refused():
-    with pytest.raises(SurfaceError, match="holes inside.*open already.*32 boundary vertices from vertex 0"):
-        open_surface(Surface(*grid(8, 8)), block((4, 4)))
-
-
-def test_what_is_no_disk_after_the_cut_is_refused():
-    vertices, faces = torus_mesh()
-    with pytest.raises(SurfaceError, match="1 handle"):
-        open_surface(Surface(vertices, faces), np.arange(len(vertices)) == 40)
-    with pytest.raises(SurfaceError, match="2 boundary loops"):
-        open_surface(Surface(*grid(8, 8, hole=[(5, 5)])), block((0, 0), (0, 1), (1, 0)))
+        open_surface(surface, mask)
 
 
 @pytest.mark.parametrize(
-    "hemisphere, wall, n_vertices, n_rim",
-    [
-        ("left", "cortex", 9204, 136),
-        ("right", "cortex", 9221, 137),
-        ("left", "thickness", 9970, 108),
-        ("right", "thickness", 9933, 110),
-    ],
+    "hemisphere, wall, n_vertices, n_rim", [("left", "cortex", 9204, 136), ("right", "thickness", 9933, 110)]
 )
 def test_fsaverage5_opens_to_corresponding_disks(hemisphere, wall, n_vertices, n_rim):
     kinds = {kind: fsaverage5(hemisphere, kind, wall) for kind in ("pial", "white", "inflated", "sphere")}
