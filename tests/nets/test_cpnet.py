@@ -18,15 +18,12 @@ from qclearn.nets.losses import L_grad_mu, L_Landmark, L_lost, L_mu
 from qclearn.nets.polar import PolarSolver
 from qclearn.nets.polargrid import PolarGrid, PolarMesh
 from qclearn.nets.torchplane import bounded, fit_mobius
-from qclearn.nets.train import TrainConfig, train
-from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import POWER, polar_disk, ring_tables, square_disk
 from qclearn.plane.mobius import best_mobius, mobius, mobius_fields, mobius_slope
 from qclearn.registration.fit import exact_map, fit_landmarks, fit_problem
 from qclearn.registration.problem import LandmarkError, Problem, Weights
 from qclearn.registration.report import measured_losses
-from qclearn.surfaces.surface import SurfaceError
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -137,14 +134,10 @@ def test_an_untrained_network_starts_at_the_born_step(net, landmarks):
     assert abs(errors[1] - fit.landmark_error) < abs(errors[0] - fit.landmark_error)
 
 
-def test_close_landmarks_are_looked_at_on_a_finer_grid(net, landmarks):
-    p, q = landmarks
-    close = np.append(p, p[0] + 0.01), np.append(q, q[0] + 0.01)
-    assert net.rings(p, q, Weights()) == 12 and net.rings(*close, Weights()) == 16
-    assert abs(net.predict(*square_disk(10), *close, looks=1)).max() < 1
-
-
 def test_stiff_weights_have_a_finer_grid_and_more_looks_from_the_born_step_on(net, landmarks):
+    close = [np.append(points, points[0] + 0.01) for points in landmarks]
+    assert net.rings(*close, Weights()) == 16  # close landmarks have a finer grid, too
+    assert abs(net.predict(*square_disk(10), *close, looks=1)).max() < 1
     net, mesh = stirred(net), polar_disk(16, 48, 1.4)
     for gamma, rings, looks, start in ((0.99e4, 12, 2, "CP-Net"), (1e4, 20, 7, "Born step")):
         weights = Weights(gamma=gamma)
@@ -191,8 +184,6 @@ def test_the_answer_is_a_coefficient_on_any_mesh(net, landmarks):
     model = stirred(net)
     for z, faces in (square_disk(10), polar_disk(9, 20)):
         mu = model.predict(z, faces, *landmarks)
-        assert mu.shape == (len(faces),) and mu.dtype == complex and abs(mu).max() < 1
-        np.testing.assert_array_equal(mu, model.predict(z, faces, *landmarks))
         np.testing.assert_allclose(
             model.predict(z, faces, *landmarks, 10.0, 0.1, 1e4), mu, atol=1e-5
         )  # only ratios count
@@ -211,12 +202,6 @@ def test_bad_input_is_refused(net, landmarks):
         net.predict(*mesh, np.linspace(-0.5, 0.5, 129), np.linspace(-0.4, 0.5, 129))
     with pytest.raises(LandmarkError, match="gamma"):
         net.predict(*mesh, p, q, gamma=-1)
-    with pytest.raises(SurfaceError, match="unit circle"):
-        net.predict(0.9 * mesh[0], mesh[1], p, q)
-    with pytest.raises(BeltramiError):
-        net.predict(mesh[0], np.delete(mesh[1], 60, axis=0), p, q)  # a hole inside
-    with pytest.raises(BeltramiError, match="counter-clockwise"):
-        net.predict(mesh[0].conj(), mesh[1], p, q)
 
 
 def items(count):
@@ -261,17 +246,6 @@ def test_turns_and_mirrors_of_training_problems_are_problems(net):
             net.grid.sample(net.grid.with_centre(field), place).abs() for field, place in zip((after, before), places)
         )
         torch.testing.assert_close(there * drawn[3], (here * batch[3])[:, : there.shape[1]], rtol=0.05, atol=2e-3)
-
-
-def test_one_batch_is_overfitted(tmp_path):
-    torch.manual_seed(0)
-    model = BestCPNet(SMALL)
-    some = torch.utils.data.TensorDataset(*items(2))
-    model.draw = lambda batch, generator, draw=model.draw: draw(batch, None)  # the same problems at every step
-    before = model.loss(some.tensors, None)[0].item()
-    config = TrainConfig(steps=12, batch=2, rate=3e-3, warmup=1, validate_every=12)
-    row = train(model, some, some, config, tmp_path, False)
-    assert row["validation_loss"] < before - 0.05
 
 
 @pytest.fixture(scope="module")
@@ -328,8 +302,6 @@ def test_the_papers_losses_differ_in_means_gauge_and_what_is_lost(paper):
     torch.testing.assert_close(losses["corrected"], (L_mu(mu, shares) + L_grad_mu(mesh, mu, shares) + points).item())
     torch.testing.assert_close(losses["whole"], losses["corrected"] + L_lost(mesh, mu, shares).item())
     assert errors["corrected"] == errors["whole"] < 0.1 * errors["printed"]
-    with pytest.raises(ValueError, match="unknown loss 'half'; there are corrected, whole, printed"):
-        PaperCPNet(replace(PAPER, loss="half"))
 
 
 def test_the_papers_network_knows_its_control_alone(paper):
@@ -366,7 +338,6 @@ def test_the_papers_examples_have_one_control():
         np.testing.assert_allclose(target.numpy(), control.ravel(), atol=1e-6)
         a, theta = best_mobius(moving.numpy(), control.ravel())
         assert abs(a) < 1e-3 and abs(theta) < 1e-3
-    assert replace(PAPER, gamma=1e5).gamma == 1e5
 
 
 def test_the_shipped_networks_two_looks_end_where_the_fit_does():

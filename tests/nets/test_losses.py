@@ -51,41 +51,18 @@ def perturbed(f, size=0.05):
 # L_LBS.
 
 
-def test_matrix_equals_the_assembled_one(problem):
+def test_losses_are_those_of_the_assembled_matrix_the_gradient_and_the_energy(problem):
     mesh, mu, f, disk = problem
-    w = perturbed(f)
-    expected = disk.stiffness(mu[0].numpy()) @ w[0].numpy()
-    np.testing.assert_allclose(mesh.apply(mu, w)[0], expected, atol=1e-12)
-
-
-def test_corrected_loss_is_the_gradient_of_energy_minus_area(problem):
-    mesh, mu, f, *_ = problem
     w = perturbed(f).requires_grad_()
-    (gradient,) = torch.autograd.grad((energy(mesh, mu, w) - area(mesh, w)).sum(), w)
-    size = 0.5 * (gradient.real.abs() + gradient.imag.abs()).mean(1)
-    torch.testing.assert_close(L_LBS(mesh, mu, w.detach()), size)
-    (energy_alone,) = torch.autograd.grad(energy(mesh, mu, w).sum(), w)
-    size = 0.5 * (energy_alone.real.abs() + energy_alone.imag.abs()).mean(1)
-    torch.testing.assert_close(L_LBS_printed(mesh, mu, w.detach()), size)
-
-
-def test_energy_loss_is_energy_minus_area_face_by_face(problem):
-    mesh, mu, f, *_ = problem
-    w = perturbed(f)
-    torch.testing.assert_close(L_Energy(mesh, mu, w), energy(mesh, mu, w) - area(mesh, w))
+    expected = disk.stiffness(mu[0].numpy()) @ w[0].detach().numpy()
+    np.testing.assert_allclose(mesh.apply(mu, w)[0].detach(), expected, atol=1e-12)
+    both = energy(mesh, mu, w), energy(mesh, mu, w) - area(mesh, w)
+    for loss, whole in zip((L_LBS_printed, L_LBS), both):
+        (gradient,) = torch.autograd.grad(whole.sum(), w)
+        size = 0.5 * (gradient.real.abs() + gradient.imag.abs()).mean(1)
+        torch.testing.assert_close(loss(mesh, mu, w.detach()), size)
+    torch.testing.assert_close(L_Energy(mesh, mu, w), both[1])
     assert 0 < L_Energy(mesh, mu, f).item() < 0.1 * L_Energy(mesh, mu, w).item()
-
-
-@pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda m: m.name)
-def test_energy_loss_falls_with_the_square_of_the_mesh_and_does_not_see_mobius_maps(exact):
-    plain, moved = [], []
-    for n in (16, 32):
-        disk = Disk(*square_disk(n))
-        mu, f = (torch.from_numpy(x)[None] for x in (exact.on_faces(disk), exact(disk.z)))
-        mesh = LossMesh(disk, torch.float64)
-        plain.append(L_Energy(mesh, mu, f).item())
-        moved.append(L_Energy(mesh, mu, torch.from_numpy(mobius(f.numpy(), 0.3 + 0.2j, 1.0))).item())
-    assert plain[0] > 3 * plain[1] and moved[0] > 3 * moved[1]
 
 
 def test_loss_against_exact_maps_is_the_share_of_what_the_identity_is_off():
@@ -95,16 +72,18 @@ def test_loss_against_exact_maps_is_the_share_of_what_the_identity_is_off():
 
 
 @pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda m: m.name)
-def test_corrected_loss_vanishes_at_discretisation_level_on_exact_maps(exact):
+def test_losses_of_exact_maps_fall_with_the_mesh(exact):
     """Rows are of order h^2, their truncation error two orders smaller; the printed rows of the
-    boundary of order h."""
+    boundary of order h. The energy falls with h^2, and does not see Möbius maps."""
     sizes = []
     for n in (16, 32):
         disk = Disk(*square_disk(n))
         mu, f = (torch.from_numpy(x)[None] for x in (exact.on_faces(disk), exact(disk.z)))
-        mesh = LossMesh(disk, torch.float64)
-        sizes.append((L_LBS(mesh, mu, f).item(), L_LBS_printed(mesh, mu, f).item()))
-    assert sizes[0][0] > 10 * sizes[1][0] and sizes[0][1] < 5 * sizes[1][1]
+        mesh, moved = LossMesh(disk, torch.float64), torch.from_numpy(mobius(f.numpy(), 0.3 + 0.2j, 1.0))
+        losses = L_LBS(mesh, mu, f), L_LBS_printed(mesh, mu, f), L_Energy(mesh, mu, f), L_Energy(mesh, mu, moved)
+        sizes.append([loss.item() for loss in losses])
+    rows, printed, energies, turned = np.divide(*sizes)
+    assert rows > 10 and printed < 5 and energies > 3 and turned > 3
     assert sizes[1][0] < 0.05 * sizes[1][1]  # the printed loss does not vanish at the right map
 
 
@@ -139,15 +118,6 @@ def test_boundary_loss_is_least_for_equal_angles():
     )
 
 
-def test_dbsnet_loss_weighs_its_parts(problem):
-    mesh, mu, f, *_ = problem
-    angles = torch.rand(1, 5, dtype=torch.float64) + 0.1
-    expected = 2 * L_LBS(mesh, mu, f) + 0.1 * L_Boundary(angles)
-    torch.testing.assert_close(L_DBSNet(mesh, mu, f, angles, 2.0, 0.1), expected)
-    printed = L_DBSNet(mesh, mu, f, angles, 1.0, 0.0, equation=L_LBS_printed)
-    torch.testing.assert_close(printed, L_LBS_printed(mesh, mu, f))
-
-
 def test_point_losses_are_the_printed_sums():
     x, y = torch.tensor([[1 + 1j, 2.0], [0, 0]]), torch.tensor([[1, 2j], [3, 0]])
     assert L_LD(x, y).tolist() == [1 + 8, 9]
@@ -176,10 +146,12 @@ def test_what_averages_lose_is_nearly_all_of_stripes_and_little_of_a_linear_fiel
     assert 0 < left < 0.5 * kept and L_lost(mesh, torch.full((1, 512), 0.3 + 0.1j)).item() < 1e-20
 
 
-def test_cp_loss_weighs_its_parts(problem):
+def test_losses_weigh_their_parts(problem):
     mesh, mu, f, *_ = problem
     points, target = f[:, :4], f[:, 4:8]
-    parts = L_mu(mu), L_grad_mu(mesh, mu), L_Landmark(points, target)
-    torch.testing.assert_close(
-        L_CP(mesh, mu, points, target, Weights(2.0, 3.0, 5.0)), 2 * parts[0] + 3 * parts[1] + 5 * parts[2]
-    )
+    parts = 2 * L_mu(mu) + 3 * L_grad_mu(mesh, mu) + 5 * L_Landmark(points, target)
+    torch.testing.assert_close(L_CP(mesh, mu, points, target, Weights(2.0, 3.0, 5.0)), parts)
+    angles = torch.rand(1, 5, dtype=torch.float64) + 0.1
+    for equation in (L_LBS, L_LBS_printed):
+        expected = 2 * equation(mesh, mu, f) + 0.1 * L_Boundary(angles)
+        torch.testing.assert_close(L_DBSNet(mesh, mu, f, angles, 2.0, 0.1, equation), expected)

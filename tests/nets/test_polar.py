@@ -58,11 +58,8 @@ def assert_same_as_factored(solver, mu):
 
 def test_map_and_gradient_equal_the_factored_solver(solver):
     assert_same_as_factored(solver, coefficients(solver, 0.5, 0.0, 0.8))
-
-
-def test_raised_steps_equal_the_factored_solver():
     solver = PolarSolver(*SIZES["graded"])
-    assert assert_same_as_factored(solver, coefficients(solver, 0.3, 0.0, 0.8)) == [0, 0, 1]
+    assert assert_same_as_factored(solver, coefficients(solver, 0.3, 0.0, 0.8)) == [0, 0, 1]  # one raised step
 
 
 def test_small_positive_steps_are_left_alone():
@@ -119,11 +116,6 @@ def test_zero_and_one_are_held_exactly_in_the_precision_and_on_the_device_of_mu(
     assert (f[:, one:].abs() - 1).abs().max() < 4 * torch.finfo(dtype).eps
     exact = solver.solve(mu, tolerance=1e-12)
     assert (f.detach().cpu() - exact).abs().max() < 3e-5
-
-
-def test_one_coefficient_without_a_batch(solver):
-    mu = torch.from_numpy(coefficients(solver, 0.4))
-    assert torch.equal(solver.solve(mu[0]), solver.solve(mu)[0])
 
 
 # Stopping.
@@ -185,13 +177,6 @@ def test_gradcheck():
     solver = PolarSolver(2, 3, 1.4)
     mu = torch.from_numpy(coefficients(solver, 0.5, 0.3)).requires_grad_()
     assert torch.autograd.gradcheck(lambda mu: solver.solve(mu, tolerance=1e-14), (mu,), eps=1e-6, atol=1e-8, rtol=1e-6)
-
-
-def test_sample_without_a_gradient_beside_one_with():
-    solver = PolarSolver(6, 18)
-    mu = torch.from_numpy(coefficients(solver, 0.5, 0.3)).requires_grad_()
-    solver.solve(mu)[1].imag.square().sum().backward()
-    assert (mu.grad[0] == 0).all() and mu.grad[1].abs().min() > 0 and torch.isfinite(mu.grad.abs()).all()
 
 
 # Bad input.
