@@ -8,7 +8,7 @@ import pytest
 
 from exactmaps import moebius
 from meshes import random_disk, random_mu
-from qclearn.benchmark.methods import METHODS, ON_SPHERES, networks
+from qclearn.benchmark.methods import METHODS, networks
 from qclearn.benchmark.methods.harmonic import harmonic, smoothed
 from qclearn.benchmark.methods.qc_iteration import qc_iteration
 from qclearn.benchmark.methods.solver import HARD, LandmarkSolver, truncated
@@ -29,7 +29,7 @@ MOVED = moebius(0.2 - 0.1j, 0.7)
 # By landmarks alone, and without networks; those that look at folds are in
 # benchmark/test_real_cortex.py.
 OTHERS = {"networks", "folds"}  # what learns, and what looks at folds
-CLASSICAL = sorted({name for name, m in METHODS.items() if m.__module__.split(".")[-1] not in OTHERS} - {*ON_SPHERES})
+CLASSICAL = sorted({name for name, m in METHODS.items() if m.__module__.split(".")[-1] not in OTHERS} - {"rotation"})
 each = pytest.mark.parametrize("name", CLASSICAL)
 
 
