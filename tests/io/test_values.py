@@ -14,59 +14,45 @@ from qclearn.plane.grids import polar_disk
 from qclearn.surfaces.surface import Surface, SurfaceError
 
 VALUES = np.array([0.1, -2.5, 1 / 3, 7e4])
+WHOLE = np.array([3, 0, 2_000_000, -1])
 
 
-@pytest.mark.parametrize("name", ["v.npy", "v.txt", "v.gii", "v.shape.gii.gz", "lh.thickness"])
+@pytest.mark.parametrize("name", ["v.npy", "v.txt", "v.gii", "v.shape.gii.gz", "v.mgh", "v.mgz", "lh.thickness"])
 def test_values_come_back(tmp_path, name):
-    write_values(tmp_path / name, VALUES)
-    exact = name.endswith(("npy", "txt"))
-    np.testing.assert_allclose(read_values(tmp_path / name), VALUES, rtol=0 if exact else 1e-6)
-    assert [file.name for file in tmp_path.iterdir()] == [name]
-
-
-@pytest.mark.parametrize("name", ["v.npy", "v.txt", "v.gii"])
-def test_labels_stay_whole_numbers(tmp_path, name):
-    labels = np.array([3, 0, 2_000_000, -1])
-    write_values(tmp_path / name, labels)
-    expected = np.maximum(labels, 0) if name == "v.gii" else labels  # -1, no label, is 0 there
-    assert (read_values(tmp_path / name) == expected).all()
-
-
-@pytest.mark.parametrize("name", ["v.npy", "v.gii", "v.shape.gii.gz", "lh.thickness"])
-def test_a_file_cut_short_is_named(tmp_path, name):
-    path = tmp_path / name
-    write_values(path, VALUES)
-    path.write_bytes(path.read_bytes()[:-6])
-    with pytest.raises(SurfaceError, match=name.replace(".", r"\.")):
-        read_values(path)
-
-
-def test_a_folder_that_is_not_there_is_named(tmp_path):
+    """Several maps and whole numbers, too, but of morphometry; NaN stays, complex numbers do not."""
+    path, one_map = tmp_path / name, name == "lh.thickness"
+    for values in (VALUES, np.array([1, np.nan, np.inf]), *([] if one_map else [np.outer(VALUES, [1, 2]), WHOLE])):
+        write_values(path, values)
+        back = read_values(path)
+        # -1, no label, is 0 in a GIFTI
+        expected = np.maximum(values, 0) if name == "v.gii" and values is WHOLE else values
+        np.testing.assert_allclose(back, expected, rtol=0 if name in ("v.npy", "v.txt") else 1e-6)
+        assert back.dtype.kind == values.dtype.kind and [file.name for file in tmp_path.iterdir()] == [name]
+    with pytest.raises(SurfaceError, match=f"{name}: .*complex128.*real and imaginary"):
+        write_values(path, VALUES * 1j)
+    if name != "v.txt":
+        path.write_bytes(path.read_bytes()[:-30])
+        with pytest.raises(SurfaceError, match=name.replace(".", r"\.")):
+            read_values(path)
     with pytest.raises(SurfaceError, match="cannot be written"):
-        write_values(tmp_path / "nowhere" / "v.npy", VALUES)
+        write_values(tmp_path / "nowhere" / name, VALUES)
 
 
-@pytest.mark.parametrize("name", ["v.mgh", "v.mgz", "v.func.gii", "v.npy", "v.txt"])
-def test_several_maps_and_whole_numbers_come_back(tmp_path, name):
-    for values in (np.outer(VALUES, [1, 2]), np.array([3, 0, 2_000_000, -1])):
-        write_values(tmp_path / name, values)
-        back = read_values(tmp_path / name)
-        np.testing.assert_allclose(back, values, rtol=1e-6)
-        assert back.dtype.kind == values.dtype.kind
+def test_mgh_agrees_with_nibabel(tmp_path):
+    """Also where FreeSurfer folded a long map; a volume is refused."""
 
+    def voxels(*shape):
+        array = np.arange(np.prod(shape), dtype=np.float32).reshape(shape, order="F")
+        nibabel.save(nibabel.MGHImage(array, np.eye(4)), tmp_path / "lh.a.mgz")
+        return tmp_path / "lh.a.mgz"
 
-def test_mgz_agrees_with_nibabel(tmp_path):
-    nibabel.save(
-        nibabel.MGHImage(VALUES.astype(np.float32).reshape(-1, 1, 1), np.eye(4)), tmp_path / "lh.thickness.mgz"
-    )
-    np.testing.assert_allclose(read_values(tmp_path / "lh.thickness.mgz"), VALUES, rtol=1e-6)
+    np.testing.assert_array_equal(read_values(voxels(42, 1, 1)), np.arange(42))
+    np.testing.assert_array_equal(read_values(voxels(7, 1, 6)), np.arange(42))
     write_values(tmp_path / "o.mgh", VALUES)
-    np.testing.assert_allclose(
-        np.squeeze(nibabel.MGHImage.from_bytes((tmp_path / "o.mgh").read_bytes()).dataobj), VALUES, rtol=1e-6
-    )
-    nibabel.save(nibabel.MGHImage(np.zeros((4, 5, 6), np.float32), np.eye(4)), tmp_path / "T1.mgz")
-    with pytest.raises(SurfaceError, match="T1.mgz: holds a volume of 4 x 5 x 6.*mri_vol2surf"):
-        read_values(tmp_path / "T1.mgz")
+    theirs = nibabel.MGHImage.from_bytes((tmp_path / "o.mgh").read_bytes())
+    np.testing.assert_allclose(np.squeeze(theirs.dataobj), VALUES, rtol=1e-6)
+    with pytest.raises(SurfaceError, match="lh.a.mgz: holds a volume of 4 x 5 x 6.*mri_vol2surf"):
+        read_values(voxels(4, 5, 6))
 
 
 @pytest.mark.parametrize("name, words", [
@@ -145,12 +131,6 @@ def test_columns_and_rows_of_one_map_are_that_map(tmp_path, shape):
     np.testing.assert_array_equal(read_values(tmp_path / "v.txt"), VALUES)
 
 
-def test_an_mgh_that_freesurfer_folded_is_a_map(tmp_path):
-    values = np.arange(42, dtype=np.float32)
-    nibabel.save(nibabel.MGHImage(values.reshape(7, 1, 6, order="F"), np.eye(4)), tmp_path / "lh.a.mgh")
-    np.testing.assert_array_equal(read_values(tmp_path / "lh.a.mgh"), values)
-
-
 @pytest.mark.parametrize("name, values", [
     ("v.gii", np.array([2**31])), ("v.gii", np.array([-2**40])),
     ("v.mgh", np.array([2**31])), ("lh.thickness", np.array([2**24 + 1])),
@@ -163,18 +143,14 @@ def test_numbers_that_do_not_fit_are_refused(tmp_path, name, values):
     assert read_values(tmp_path / "v.npy") == values
 
 
-@pytest.mark.parametrize("name", ["v.npy", "v.txt", "v.gii", "v.mgh", "lh.thickness"])
-def test_complex_numbers_are_refused_and_nan_is_kept(tmp_path, name):
-    with pytest.raises(SurfaceError, match=f"{name}: .*complex128.*real and imaginary"):
-        write_values(tmp_path / name, VALUES * 1j)
-    write_values(tmp_path / name, np.array([1, np.nan, np.inf]))
-    np.testing.assert_array_equal(read_values(tmp_path / name), [1, np.nan, np.inf])
-
-
-def test_a_text_of_whole_numbers_is_of_labels(tmp_path):
-    for text, kind in (("3\n-1\n", "i"), ("3\n0.5\n", "f"), ("3\n1e3\n", "f"), ("3\n+2\n", "i")):
-        (tmp_path / "v.txt").write_text(text)
-        assert read_values(tmp_path / "v.txt").dtype.kind == kind
+@pytest.mark.parametrize("text, kind", [
+    ("3\n-1\n", "i"), ("3\n0.5\n", "f"), ("3\n1e3\n", "f"), ("3\n+2\n", "i"), ("\ufeff3\r\n0\r\n", "i"), ("3 0", "i"),
+])  # fmt: skip
+def test_a_text_of_whole_numbers_is_of_labels(tmp_path, text, kind):
+    """As is one of Windows, with a byte order mark."""
+    (tmp_path / "v.txt").write_bytes(text.encode())
+    found = read_values(tmp_path / "v.txt")
+    assert found.dtype.kind == kind and len(found) == 2 and found[0] == 3
 
 
 @pytest.mark.parametrize("array", [np.ones(3) * 1j, np.array(["a"]), np.array(3.0), np.zeros((2, 2, 2)), np.zeros(0)])
@@ -193,31 +169,6 @@ def test_morphometry_is_known_by_its_content_alone(tmp_path):
         (tmp_path / "any.name").write_bytes(bad)
         with pytest.raises(SurfaceError, match="any.name: "):
             read_values(tmp_path / "any.name")
-
-
-def test_a_damaged_annotation_is_refused(tmp_path):
-    path = tmp_path / "lh.a.annot"
-    nibabel.freesurfer.write_annot(
-        path, np.array([0, 1, 0]), np.array([[9, 9, 9, 0, 0], [8, 8, 8, 0, 0]]), ["a", "b"], fill_ctab=True
-    )
-    data = path.read_bytes()
-    no_colours = np.array([3, 0, 0, 1, 0, 2, 0, 1, -2, 0, 4, 0, 0], ">i4").tobytes()
-    for bad in (
-        data[:20],
-        data[:28],
-        data[:4] + b"\0\0\0\7" + data[8:],
-        data[:8] + b"\0\1\2\3" + data[12:],
-        no_colours,
-    ):
-        path.write_bytes(bad)
-        with pytest.raises(SurfaceError, match="lh.a.annot: not a readable FreeSurfer annotation"):
-            read_values(path)
-
-
-def test_a_text_of_windows_is_read(tmp_path):
-    (tmp_path / "v.txt").write_bytes("1\r\n0\r\n3\r\n".encode("utf-8-sig"))
-    values = read_values(tmp_path / "v.txt")
-    assert values.dtype == np.int64 and values.tolist() == [1, 0, 3]
 
 
 def test_a_name_of_an_annotation_ends_at_nul_and_may_be_latin1(tmp_path):
@@ -272,13 +223,18 @@ def test_an_annotation_of_the_first_version_is_read(tmp_path):
 @pytest.mark.parametrize("entries, words", [
     ([(0, "a", RED), (1, "b", GREEN), (2, "c", GREEN)], r"regions 'b' and 'c' have one colour, \[10, 200, 30\]"),
     ([(0, "a", RED), (0, "b", GREEN)], "entry 0 of its table is no index, or is there twice"),
-    ([(0, "a", RED)], "the colour 2017290 of a vertex is not among its 1 names"),
+    ([(0, "a", RED)], "the colour 2017290 of a vertex is not among its 1 names"), ([], "no colour table"),
     ([(0, "a", RED), (1, "b", (10, 300, 30))], "not a readable FreeSurfer annotation"),
 ])  # fmt: skip
 def test_annotations_that_name_no_region_for_sure_are_refused(tmp_path, entries, words):
     path = annotation(tmp_path / "lh.a.annot", [RED, GREEN], entries)
     with pytest.raises(SurfaceError, match=f"lh.a.annot: .*{words}"):
         read_values(path)
+    data = path.read_bytes()
+    for bad in (data[:20], data[:28], data[:3] + b"\7" + data[4:], data[:4] + b"\0\1\2\3" + data[8:]):
+        path.write_bytes(bad)  # cut in the colours or the table, another count, another vertex
+        with pytest.raises(SurfaceError, match="lh.a.annot: not a readable FreeSurfer annotation"):
+            read_values(path)
 
 
 @pytest.fixture
@@ -338,15 +294,15 @@ def test_a_name_and_a_count_say_which_numbers_are_others(tmp_path, carry, capsys
     assert "v.npy: 29 values for 28 vertices" in capsys.readouterr().err
 
 
-def test_whole_numbers_of_floats_are_carried_with_a_word(tmp_path, carry, capsys):
-    np.save(tmp_path / "v.npy", np.where(SOME, SOME, np.nan))
-    np.save(tmp_path / "w.npy", SOME + 0.5)
-    np.save(tmp_path / "one.npy", np.ones(30))
+@pytest.mark.parametrize("values, options, hinted", [
+    (np.where(SOME, SOME, np.nan), (), True), (np.where(SOME, SOME, np.nan), ("--nearest",), False),
+    (SOME + 0.5, (), False), (np.ones(30), (), False),
+])  # fmt: skip
+def test_whole_numbers_of_floats_are_carried_with_a_word(tmp_path, carry, capsys, values, options, hinted):
+    np.save(tmp_path / "v.npy", values)
+    carry("v.npy", *options)
     hint = "v.npy: whole numbers, carried as numbers; give --nearest if these are labels\n"
-    for name, options, hinted in (("v.npy", (), True), ("v.npy", ("--nearest",), False), ("w.npy", (), False),
-                                ("one.npy", (), False)):  # fmt: skip
-        carry(name, *options)
-        assert capsys.readouterr().out.endswith(hint) == hinted
+    assert capsys.readouterr().out.endswith(hint) == hinted
 
 
 def test_maps_of_one_file_keep_their_types(tmp_path, carry, capsys):
