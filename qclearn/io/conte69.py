@@ -15,6 +15,7 @@ from ..surfaces.opening import open_surface
 from ..surfaces.surface import Surface, SurfaceError
 from .extras import require
 from .meshes import read_surface
+from .safe import explain
 
 SIDES = ["lh", "rh"]
 ADVICE = "install brainspace again"
@@ -69,10 +70,8 @@ def installed_folder():
 
 def numbers(path, count):
     """The `count` numbers of a text file, NaN where it says so, or SurfaceError."""
-    try:
+    with explain(path, "table of numbers"):
         values = np.loadtxt(path, delimiter=",").ravel()
-    except (OSError, ValueError) as error:
-        raise SurfaceError(f"{path}: cannot be read ({error}); {ADVICE}") from None
     if len(values) != count:
         raise SurfaceError(f"{path}: {len(values)} numbers for {count} vertices; {ADVICE}")
     return values

@@ -92,15 +92,6 @@ def frame_of_text(text, whole=None):
     except (KeyError, TypeError, ValueError, RecursionError):
         message = "what it says of the file a surface came from cannot be understood"
         raise FormatError(message) from None
-    sound = [
-        side in (None, "left", "right"),
-        space is None or space == TKR or isinstance(space, GiftiCoordSystem),
-        kind is None or kind in (*ANATOMICAL, *SHAPES),
-        count is None or (type(count) is int and count > 0),
-        space != TKR or volume,
-    ]
-    if not all(sound):
-        raise FormatError("what it says of the file a surface came from makes no sense")
     return Frame(side, space, volume, kind, count, whole)
 
 

@@ -42,12 +42,13 @@ def read_mask(path: str | Path, surface: Surface | Mesh, keep: bool = False) -> 
     """
     path = Path(path)
     n_vertices = len(surface.vertices)
+    other = f"the surface has {n_vertices} vertices: take the file that belongs to this surface, or copy it again"
     if suffix_of(path) == ".label":
         values = read_label(path)
         bad = values[(values < 0) | (values >= n_vertices)]
         if bad.size:
             message = f"names vertices that do not exist, the first {bad[0]}"
-            raise SurfaceError(f"{path}: {message}; {_other(n_vertices)}")
+            raise SurfaceError(f"{path}: {message}; {other}")
         mask = np.bincount(values, minlength=n_vertices) > 0
     elif suffix_of(path) == ".annot":
         advice = "give lh.cortex.label with --keep, or a mask"
@@ -56,7 +57,7 @@ def read_mask(path: str | Path, surface: Surface | Mesh, keep: bool = False) -> 
         values = read_values(path)
         if values.shape != (n_vertices,):
             message = f"holds values of the shape {values.shape}"
-            raise SurfaceError(f"{path}: {message}; {_other(n_vertices)}")
+            raise SurfaceError(f"{path}: {message}; {other}")
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             message = f"is NaN or infinite at {len(bad)} vertices, the first {bad[0]}"
@@ -103,7 +104,12 @@ def read_label(path):
     """The vertex numbers (n,) that a FreeSurfer .label file lists, in its order."""
     path = Path(path)
     with explain(path, "FreeSurfer label"):
-        return _read_label(path, read_bytes(path))
+        rows = read_bytes(path).splitlines()
+        if len(rows) < 2:
+            raise FormatError("the two lines of the header are incomplete")
+        records = [row.split(None, 1) for row in rows[2:] if row.strip()]
+        require_all("vertex", len(records), int(rows[1]), exactly=True)
+        return np.array([int(record[0]) for record in records], dtype=np.int64)
 
 
 def read_values(path: str | Path) -> Values:
@@ -133,7 +139,10 @@ def read_map(path):
     kind, reader = _READERS.get(suffix, ("FreeSurfer morphometry file", _read_morphometry))
     with explain(path, kind):
         result = reader(path, data)
-        result = result if isinstance(result, Map) else Map(result, side_of_name(path))
+        if suffix == ".annot":
+            result = Map(result[0], side_of_name(path), result[1])
+        elif suffix != ".gii":
+            result = Map(result, side_of_name(path))
         values = np.asarray(result.values)
         if values.ndim > 1:  # (V, 1), (1, V), and an MGH's (V, 1, 1, k)
             values = np.atleast_1d(values.squeeze())
@@ -153,11 +162,6 @@ def _read_gifti(path, data):
     labels = gifti.labels_of(image) or None
     values, integer = gifti.values_of(image)
     return Map(values, side, labels, names if all(names) else None, integer)
-
-
-def _read_annot(path, data):
-    keys, labels = annotations.read(data)
-    return Map(keys, side_of_name(path), labels)
 
 
 def read_regions(path):
@@ -206,30 +210,34 @@ def write_values(
             keys = [column for column in columns if column.dtype.kind == "i"]
             table = gifti.table_of(np.stack(keys), labels) if keys and not is_metric else None
             data = gifti.zipped(path, gifti.values_bytes(columns, side, table, names))
-        write_whole(path, lambda place: place.write_bytes(data))
     elif suffix in (".mgh", ".mgz"):
         voxels = _fitting(path, values).reshape(len(values), 1, 1, *values.shape[1:])
         data = gifti.zipped(path, nibabel.MGHImage(voxels, np.eye(4)).to_bytes())
-        write_whole(path, lambda place: place.write_bytes(data))
     elif suffix == ".annot":
-        keys = _keys(path, values)
-        table = gifti.table_of(keys, labels)
-        write_whole(path, lambda place: annotations.write(place, keys, table))
-    elif suffix in (".npy", ".txt"):
-        whole = "%d" if values.dtype.kind in "iub" else "%.17g"
-        write_whole(
-            path,
-            lambda place: (
-                np.save(place, values) if suffix == ".npy" else np.savetxt(place, values, fmt=whole)
-            ),
-        )
+        if values.dtype.kind not in "biu" or values.ndim != 1 or values.min() < -1:
+            wanted = "one label a vertex, a whole number from 0 on, or -1 for none"
+            raise SurfaceError(f"{path}: an annotation holds {wanted}")
+        table = gifti.table_of(values, labels)
     elif suffix in _MAP_SUFFIXES or is_freesurfer_name(path, suffix):
         numbers = _fitting(path, values, integer=False)
-        write = nibabel.freesurfer.write_morph_data
-        write_whole(path, lambda place: write(place, numbers))
-    else:
+    elif suffix not in (".npy", ".txt"):
         message = f"not a format that is written here: {_FORMATS}"
         raise SurfaceError(f"{path}: {message}; choose another name")
+
+    def write(place):
+        if suffix in (".gii", ".mgh", ".mgz"):
+            place.write_bytes(data)
+        elif suffix == ".annot":
+            annotations.write(place, values, table)
+        elif suffix == ".npy":
+            with place.open("wb") as file:
+                np.save(file, values)
+        elif suffix == ".txt":
+            np.savetxt(place, values, fmt="%d" if values.dtype.kind in "iub" else "%.17g")
+        else:
+            nibabel.freesurfer.write_morph_data(place, numbers)
+
+    write_whole(path, write)
 
 
 def _require_known(path, suffix, done):
@@ -244,9 +252,8 @@ def _fitting(path, values, integer=True):
         message = f"morphometry holds one map, not {values.shape[1]}"
         raise SurfaceError(f"{path}: {message}; choose .mgh or .func.gii")
     integers = values.dtype.kind in "biu"
-    largest = (
-        np.iinfo(np.int32).max if integer else 1 << 24
-    )  # float32 has every integer up to there
+    # float32 has every integer up to 2^24
+    largest = np.iinfo(np.int32).max if integer else 1 << 24
     largest = largest if integers else float(np.finfo(np.float32).max)
     bad = np.argwhere(np.isfinite(values) & ((values > largest) | (values < -largest)))
     if bad.size:
@@ -254,28 +261,6 @@ def _fitting(path, values, integer=True):
         message = f"{value} at vertex {bad[0][0]} does not fit the format (up to {largest:.10g})"
         raise SurfaceError(f"{path}: {message}; choose .npy or .txt")
     return values.astype(np.int32 if integers and integer else np.float32)
-
-
-def _keys(path, values):
-    """Values as an annotation's keys, or SurfaceError."""
-    if values.dtype.kind not in "biu" or values.ndim != 1 or values.min() < -1:
-        wanted = "one label a vertex, a whole number from 0 on, or -1 for none"
-        raise SurfaceError(f"{path}: an annotation holds {wanted}")
-    return values.astype(np.int64)
-
-
-def _other(n_vertices):
-    return f"the surface has {n_vertices} vertices: take the file that belongs to this surface, or copy it again"
-
-
-def _read_label(path, data):
-    rows = data.splitlines()
-    if len(rows) < 2:
-        raise FormatError("the two lines of the header are incomplete")
-    announced = int(rows[1])
-    records = [row.split(None, 1) for row in rows[2:] if row.strip()]
-    require_all("vertex", len(records), announced, exactly=True)
-    return np.array([int(record[0]) for record in records], dtype=np.int64)
 
 
 def _read_morphometry(_, data):
@@ -313,5 +298,5 @@ _READERS = {
     ".gii": ("GIFTI data file", _read_gifti),
     ".mgh": ("MGH file", _read_mgh),
     ".mgz": ("MGH file", _read_mgh),
-    ".annot": ("FreeSurfer annotation", _read_annot),
+    ".annot": ("FreeSurfer annotation", lambda _, data: annotations.read(data)),
 }

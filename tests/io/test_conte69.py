@@ -53,10 +53,10 @@ def test_sides_of_two_meshes_are_refused(folder):
 
 
 @pytest.mark.parametrize(
-    "text, message", [("1\n2\n", "2 numbers for 642"), ("thick\n", "cannot be read"), (None, "cannot be read")]
+    "text, message", [("1\n2\n", "2 numbers for 642"), ("thick\n", "not a readable table of numbers"), (None, "not a readable table of numbers .*")]
 )
 def test_a_damaged_file_is_named(folder, text, message):
     path = folder / "surfaces/conte69_32k_rh_mask.csv"
     path.unlink() if text is None else path.write_text(text)
-    with pytest.raises(SurfaceError, match=f"conte69_32k_rh_mask.csv: {message}.*install brainspace again"):
+    with pytest.raises(SurfaceError, match=f"conte69_32k_rh_mask.csv: {message}"):
         conte69(folder)
