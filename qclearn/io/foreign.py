@@ -1,5 +1,7 @@
 """Formats that are known by content or name and not read here: what each is, and the way from it."""
 
+import contextlib
+
 import nibabel
 
 from ..surfaces.surface import SurfaceError
@@ -45,16 +47,12 @@ def refuse_foreign(path):
     name = path.name.lower()
     suffix = ".nii" if name.endswith(".nii.gz") else path.suffix.lower()
     known = suffix == ".nii" or (suffix in _BY_SUFFIX and not name.endswith(".gii.dset"))
-    if known and path.is_file():
-        reason = _BY_SUFFIX.get(suffix) or _nifti_kind(path)
-        raise SurfaceError(f"{path}: {suffix} files are not read here; {reason}")
-
-
-def _nifti_kind(path):
-    try:
-        image = nibabel.load(path)
-    except Exception:
-        return NIFTI
-    if isinstance(image, nibabel.Cifti2Image):
-        return _CIFTI
-    return _VOLUME if min(image.shape[:3]) > 1 else _OVERLAY
+    if not known or not path.is_file():
+        return
+    reason = _BY_SUFFIX.get(suffix, NIFTI)
+    if suffix == ".nii":
+        with contextlib.suppress(Exception):  # of a damaged one all three are named
+            image = nibabel.load(path)
+            reason = _VOLUME if min(image.shape[:3]) > 1 else _OVERLAY
+            reason = _CIFTI if isinstance(image, nibabel.Cifti2Image) else reason
+    raise SurfaceError(f"{path}: {suffix} files are not read here; {reason}")

@@ -25,7 +25,8 @@ _VOLUME = {
     "volume": ("Width", "Height", "Depth"), "voxelsize": ("Xsize", "Ysize", "Zsize"),
     **{f"{axis}ras": tuple(f"{axis.upper()}_{letter}" for letter in "RAS") for axis in "xyzc"},
 }  # fmt: skip
-# Of a disk, what an npz has as arrays.
+# Of a disk, what an npz has as arrays: the numbers of its vertices in the whole surface as runs of
+# ones, packed, and the count of that surface's vertices.
 _TABLE = "QclearnOriginalVertices"
 _COUNT = "QclearnWholeVertices"
 _NODE_INDEX = nibabel.nifti1.intent_codes["NIFTI_INTENT_NODE_INDEX"]
@@ -74,23 +75,13 @@ def surface_arrays(image):
     if len(points) != 1 or len(triangles) != 1:
         advice = "give a .surf.gii with one point set and its triangles"
         raise SurfaceError(f"is GIFTI, but not one surface; {advice}")
-    return points[0].data, triangles[0].data, {}, _table_of(points[0].meta, len(points[0].data))
-
-
-def _table_text(table):
-    """The numbers of a disk's vertices (V,) in the whole surface as text: runs of ones, packed."""
-    runs = np.diff(table, prepend=0).astype("<i4")
-    return base64.b64encode(zlib.compress(runs.tobytes())).decode()
-
-
-def _table_of(meta, size):
-    """The numbers (V,) that `_table_text` wrote, or None where there are none."""
-    if _TABLE not in meta:
-        return None
-    packed = zlib.decompress(base64.b64decode(meta[_TABLE]))
-    if len(packed) != 4 * size:
-        raise FormatError(f"{_TABLE} does not hold the numbers of {size} vertices")
-    return np.frombuffer(packed, "<i4").astype(np.int64).cumsum()
+    vertices, table = points[0].data, points[0].meta.get(_TABLE)
+    if table is not None:  # the numbers of a disk's vertices in the whole surface
+        runs = np.frombuffer(zlib.decompress(base64.b64decode(table)), "u1")
+        if len(runs) != 4 * len(vertices):
+            raise FormatError(f"{_TABLE} does not hold the numbers of {len(vertices)} vertices")
+        table = runs.view("<i4").astype(np.int64).cumsum()
+    return vertices, triangles[0].data, {}, table
 
 
 def maps_of(image):
@@ -111,7 +102,14 @@ def values_of(image):
     integer = [array.dtype.kind != "f" for array in arrays]
     values = arrays[0] if len(arrays) == 1 else np.stack(arrays, axis=-1)
     for array in image.get_arrays_from_intent(_NODE_INDEX):
-        values = _placed(values, np.ravel(array.data))
+        index = np.ravel(array.data)
+        if not np.array_equal(np.sort(index), np.arange(len(values))):
+            raise SurfaceError(
+                f"gives {len(values)} values to {len(np.unique(index))} vertices from {index.min()} "
+                f"to {index.max()} (NODE_INDEX), not one to each from 0 on; fill the others in: "
+                "ConvertDset -o_gii -pad_to_node LAST -input IN -prefix OUT"
+            )
+        values = values[np.argsort(index)]
     return values, integer if len(set(integer)) > 1 else None
 
 
@@ -129,19 +127,6 @@ def _as_labels(array, named):
         message = f"holds labels, but {value} at vertex {vertex}, no whole number"
         raise SurfaceError(f"{message}, as at {odd.sum()} places; give 0 to what is none")
     return data.astype(np.int32)
-
-
-def _placed(values, index):
-    """Values (n, ...) in the order of the vertices from that of their numbers `index` (n,)."""
-    if not np.array_equal(np.sort(index), np.arange(len(values))):
-        raise SurfaceError(
-            f"gives {len(values)} values to {len(np.unique(index))} vertices from {index.min()} to "
-            f"{index.max()} (NODE_INDEX), not one to each from 0 on; fill the others in: "
-            "ConvertDset -o_gii -pad_to_node LAST -input IN -prefix OUT"
-        )
-    placed = np.empty_like(values)
-    placed[index.astype(np.int64)] = values
-    return placed
 
 
 def labels_of(image):
@@ -205,26 +190,24 @@ def surface_bytes(surface, frame, table):
         anatomical = frame.kind not in SHAPES
         vertices = frame.to_scanner(vertices) if anatomical else vertices
         space = GiftiCoordSystem(1, 1) if anatomical else None  # 1: NIFTI_XFORM_SCANNER_ANAT
-    own = meta | _kind(frame.kind)
+    # Workbench's terms for a kind; an inflated surface needs a second one, and gets HCP's
+    own, kind = dict(meta), frame.kind
+    if kind:
+        own["GeometricType"] = "Anatomical" if kind in ANATOMICAL else kind
+    if kind not in (None, "Spherical"):
+        own["AnatomicalStructureSecondary"] = kind if kind in ANATOMICAL else "MidThickness"
     if frame.volume:
         for key, ends in _VOLUME.items():
             own |= {f"VolGeom{end}": f"{x:.10g}" for end, x in zip(ends, frame.volume[key])}
         own["VolGeomFname"] = frame.volume["filename"]
-    own |= {_TABLE: _table_text(table)} if table is not None else {}
+    if table is not None:
+        runs = np.diff(table, prepend=0).astype("<i4")
+        own[_TABLE] = base64.b64encode(zlib.compress(runs.tobytes())).decode()
     own |= {_COUNT: str(frame.count)} if frame.count else {}
     space = space or GiftiCoordSystem()
     points = _array(vertices.astype(np.float32), "NIFTI_INTENT_POINTSET", own, coordsys=space)
     triangles = _array(surface.faces.astype(np.int32), "NIFTI_INTENT_TRIANGLE", {})
     return GiftiImage(meta=GiftiMetaData(meta), darrays=[points, triangles]).to_bytes()
-
-
-def _kind(kind):
-    """Workbench's terms for a kind; an inflated surface needs a second one, and gets HCP's."""
-    if kind in (None, "Spherical"):
-        return {"GeometricType": kind} if kind else {}
-    shape = "Anatomical" if kind in ANATOMICAL else kind
-    layer = kind if kind in ANATOMICAL else "MidThickness"
-    return {"GeometricType": shape, "AnatomicalStructureSecondary": layer}
 
 
 def _structure(side):
@@ -246,7 +229,9 @@ def values_bytes(columns, side, labels, names):
         raised, entries = _from_zero(labels)
         columns = [raised(column) if column.dtype.kind == "i" else column for column in columns]
         of_integers = "NIFTI_INTENT_LABEL"
-        table.labels = [_label(key, *entry) for key, entry in sorted(entries.items())]
+        for key, (name, colour) in sorted(entries.items()):
+            table.labels.append(nib.GiftiLabel(key, *colour))
+            table.labels[-1].label = sound_text(name)
     named = [{"Name": name} for name in names] if names else [{}] * len(columns)
     intents = {"f": "NIFTI_INTENT_SHAPE", "i": of_integers}
     arrays = [_array(one, intents[one.dtype.kind], own) for one, own in zip(columns, named)]
@@ -279,18 +264,10 @@ def _from_zero(table):
     return lambda keys: keys + 1, {key + 1: entry for key, entry in table.items()}
 
 
-def _label(key, name, colour):
-    label = nib.GiftiLabel(key, *colour)
-    label.label = sound_text(name)
-    return label
-
-
 def names_of(path, values):
     """Names of the maps (V,) or (V, k) of a file after that of the file."""
     name = re.sub(r"(\.(shape|func|label))?\.gii(\.gz|\.dset)?$", "", path.name)
-    if values.ndim == 1:
-        return [name]
-    return [f"{name} {number}" for number in range(1, values.shape[1] + 1)]
+    return [name] if values.ndim == 1 else [f"{name} {k + 1}" for k in range(values.shape[1])]
 
 
 def zipped(path, data):

@@ -55,7 +55,7 @@ def read_mesh(path, units, merge):
     if suffix in _READERS:
         kind, reader = _READERS[suffix]
     else:
-        kind, reader = "FreeSurfer surface", _read_freesurfer
+        kind, reader = "FreeSurfer surface", lambda _, data: _freesurfer_parts(data)[:2]
         held = foreign.freesurfer_kind(data)
         if held is None and suffix in (".annot", ".label", ".mgh", ".mgz", ".txt", ".npy"):
             held = foreign.MAP
@@ -80,21 +80,18 @@ def frame_of(path):
         if suffix_of(path) == ".gii":
             return gifti.frame_of_image(path, gifti.parse(data))
         if suffix_of(path) == ".npz":
-            return _frame_of_npz(path, data, named)
+            about = ("about", "whole_faces", "hemisphere")  # the last of a synthetic subject
+            arrays = safe.npz_arrays(data, lambda key: key in about)
+            side = str(arrays.get("hemisphere"))
+            frame = replace(named, side=side) if side in gifti.STRUCTURES else named
+            if "about" in arrays:
+                frame = frame_of_text(arrays["about"], arrays.get("whole_faces"))
+            side = agreed_side(path, frame.side)
+            return replace(frame, side=side, kind=frame.kind or named.kind)
         if foreign.freesurfer_kind(data) == foreign.SURFACE:
             volume = _volume_of(_freesurfer_parts(data)[2])
             return replace(named, space=TKR if volume else None, volume=volume)
     return named
-
-
-def _frame_of_npz(path, data, named):
-    """The Frame of an npz's `about` and `whole_faces`, or a subject's `hemisphere`, or `named`."""
-    arrays = safe.npz_arrays(data, lambda key: key in ("about", "whole_faces", "hemisphere"))
-    if "about" in arrays:
-        frame = frame_of_text(arrays["about"], arrays.get("whole_faces"))
-        return replace(frame, side=agreed_side(path, frame.side), kind=frame.kind or named.kind)
-    side = str(arrays.get("hemisphere"))
-    return replace(named, side=agreed_side(path, side)) if side in gifti.STRUCTURES else named
 
 
 def write_surface(
@@ -106,10 +103,10 @@ def write_surface(
     """Write a surface, whole or not at all, in the format of the path's suffix, as read_surface.
 
     A FreeSurfer name such as lh.pial, or no suffix: FreeSurfer's binary. FreeSurfer and GIFTI
-    store float32. Only npz has the curves, only npz and GIFTI
-    original_vertices, `open_surface`'s second result (default: the surface's own). surface: also a
-    named tuple such as `Registration.surface`. frame: `frame_of` the coordinates' file, which npz
-    stores whole, GIFTI and FreeSurfer as far as they can; hemisphere and kind are else by the name.
+    store float32. Only npz has the curves, only npz and GIFTI original_vertices, `open_surface`'s
+    second result (default: the surface's own). surface: also a named tuple such as
+    `Registration.surface`. frame: `frame_of` the coordinates' file, which npz stores whole, GIFTI
+    and FreeSurfer as far as they can; hemisphere and kind are else by the name.
     FreeSurfer's coordinates become the scanner's in GIFTI, and its own again in its own format.
     SurfaceError: unknown format, or a folder not writable.
     """
@@ -124,7 +121,15 @@ def write_surface(
 
     def write(place):
         if suffix == ".npz":
-            _write_npz(place, surface, numbers, frame)
+            arrays = {"vertices": surface.vertices, "faces": surface.faces}
+            arrays |= {f"curve_{name}": curve for name, curve in surface.curves.items()}
+            if numbers is not None:
+                arrays["original_vertices"] = numbers
+            if frame != Frame():
+                arrays["about"] = np.array(frame.text)
+            if frame.whole is not None:
+                arrays["whole_faces"] = frame.whole.astype(np.int32)
+            place.write_bytes(safe.npz_bytes(arrays))
         elif suffix == ".gii":
             full = replace(frame, side=side, kind=frame.kind or kind_of_name(path))
             place.write_bytes(gifti.zipped(path, gifti.surface_bytes(surface, full, numbers)))
@@ -189,21 +194,6 @@ def _require_plain(curves):
     if bad is not None:
         message = "has a curve whose name is too long or holds control characters"
         raise SurfaceError(f"{message}, {bad[:40]!r}; rename it")
-
-
-def _write_npz(path, surface, original_vertices, frame):
-    more = {f"curve_{name}": curve for name, curve in surface.curves.items()}
-    if original_vertices is not None:
-        more["original_vertices"] = np.asarray(original_vertices)
-    if frame != Frame():
-        more["about"] = np.array(frame.text)
-    if frame.whole is not None:
-        more["whole_faces"] = frame.whole.astype(np.int32)
-    path.write_bytes(safe.npz_bytes({"vertices": surface.vertices, "faces": surface.faces, **more}))
-
-
-def _read_freesurfer(_, data):
-    return _freesurfer_parts(data)[:2]
 
 
 def _freesurfer_parts(data):

@@ -52,9 +52,9 @@ def test_sides_of_two_meshes_are_refused(folder):
         conte69(folder)
 
 
-@pytest.mark.parametrize(
-    "text, message", [("1\n2\n", "2 numbers for 642"), ("thick\n", "not a readable table of numbers"), (None, "not a readable table of numbers .*")]
-)
+@pytest.mark.parametrize("text, message", [
+    ("1\n2\n", "2 numbers for 642"), ("thick\n", "not a readable table of numbers"), (None, "not a readable table"),
+])  # fmt: skip
 def test_a_damaged_file_is_named(folder, text, message):
     path = folder / "surfaces/conte69_32k_rh_mask.csv"
     path.unlink() if text is None else path.write_text(text)
