@@ -10,8 +10,8 @@ from qclearn.io.fsaverage import demo_landmarks, fsaverage5
 from qclearn.plane.grids import FINE, joined, polar
 from qclearn.registration.curves import check_curves, curves_of_both, fundus_metric, fundus_path, sample_curve
 from qclearn.registration.features import FOLDS, Feature, Features, check_features, featured
-from qclearn.registration.pair import align
 from qclearn.registration.problem import Problem
+from qclearn.registration.start import align
 from qclearn.surfaces.conformal import ParameterizedSurface, parameterize
 from qclearn.surfaces.curvature import AreaRadius, area_radius
 from qclearn.surfaces.surface import Surface, mirror

@@ -12,7 +12,7 @@ from qcbook.figures import FLIPPED_COLOUR, square_lines
 from qclearn.plot import CURVE_STYLES, disk_axes, disk_plot, lines_plot, map_curves
 from qclearn.registration.features import FINEST
 from qclearn.registration.fit import CheckedMap, fit_problem, fit_registration
-from qclearn.registration.multiresolution import STALL_RATIO, guided, on_own_mesh
+from qclearn.registration.levels import STALL_RATIO, Level, guided
 from qclearn.registration.problem import LandmarkError, Weights
 from qclearn.registration.report import measured_losses
 from qclearn.registration.residuals import FeatureTerm
@@ -21,7 +21,7 @@ from .cells import in_powers
 
 RINGS = 24  # of the polar mesh that carries the fit's unknowns: more gain little here, and take longer
 # Fewer levels than `register` has: a slider cannot wait.
-FOLD_LEVELS = (guided(12, 16.0, 2), on_own_mesh(RINGS, 8.0, 2, stall_ratio=STALL_RATIO))
+FOLD_LEVELS = (guided(12, 16.0, 2), Level(RINGS, 8.0, 2, "own", STALL_RATIO))
 BINS = np.linspace(0, 1, 41)
 
 

@@ -42,8 +42,8 @@ from qclearn.benchmark.trial import map_figures
 from qclearn.io.provenance import provenance
 from qclearn.registration.curves import curves_of_both
 from qclearn.registration.fit import fit_with_fallbacks
-from qclearn.registration.pair import align_disks, sample_landmarks
 from qclearn.registration.problem import DELTA, DELTA_BY_DISKS, ETA, Weights
+from qclearn.registration.start import align_disks, sample_landmarks
 
 GENERATION = 4  # of the cohort: its true maps keep areas about as well as maps of real cortex do
 SEEDS = range(3001, 3007)  # not those of the benchmark or of the training sets

@@ -39,7 +39,7 @@ from qclearn.io.extras import require
 from qclearn.io.meshes import read_surface, write_surface
 from qclearn.io.provenance import commit
 from qclearn.registration.curves import check_curves
-from qclearn.registration.pair import SurfacePair, align_disks, sample_landmarks
+from qclearn.registration.start import SurfacePair, align_disks, sample_landmarks
 from qclearn.surfaces.conformal import parameterize
 from qclearn.surfaces.surface import Surface
 

@@ -39,7 +39,7 @@ from qclearn.registration.diagnose import (
     with_folds,
 )
 from qclearn.registration.features import FOLDS
-from qclearn.registration.pair import SurfacePair
+from qclearn.registration.start import SurfacePair
 from qclearn.surfaces.conformal import ParameterizedSurface, parameterize
 
 VERTICES, CASES = (3000, 20)  # of the synthetic subjects; of each mistake, and ten times as many good ones

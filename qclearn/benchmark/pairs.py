@@ -18,8 +18,8 @@ from ..io.fsaverage import demo_landmarks, fsaverage5, whole_fsaverage5
 from ..plane.mobius import mobius, mobius_inverse
 from ..registration.curves import POINTS_PER_CURVE, check_curves, curve_lines, curves_of_both
 from ..registration.features import FINEST, FOLDS, Smoothing
-from ..registration.pair import SurfacePair, align, distinct_landmarks, sample_lines
 from ..registration.problem import Problem
+from ..registration.start import SurfacePair, align, distinct_landmarks, sample_lines
 from ..surfaces.conformal import ParameterizedSurface, parameterize
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import Surface, mirror

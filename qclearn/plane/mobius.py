@@ -47,16 +47,9 @@ def mobius_fields(w):
     return np.stack([1j * w, w**2 - 1, -1j * (1 + w**2)], axis=-1)
 
 
-def compose_mobius(
-    first: tuple[complex, float], second: tuple[complex, float]
-) -> tuple[complex, float]:
-    """Parameters (a, theta) of `second` after `first`, each given as (a, theta)."""
-    a, theta = _composed(first, second)
-    return complex(a), float(theta)
-
-
-def _composed(first, second):
-    """The same for arrays (B,) of parameters."""
+def compose_mobius(first: tuple, second: tuple) -> tuple:
+    """Parameters (a, theta) of `second` after `first`, each given as (a, theta), numbers or arrays
+    (B,)."""
     a = mobius_inverse(second[0], *first)  # what the composition sends to 0
     at_one = mobius(mobius(np.ones_like(a), *first), *second)
     return a, np.angle(at_one * (1 - np.conj(a)) / (1 - a))
@@ -95,20 +88,38 @@ def nearest_mobius(p, q, turns=4, rounds=30):
     """The disk Möbius maps that bring each of B point sets p (B, M) nearest to q (B, M), all at
     once: ((a, theta), |M(p) - q|), of shapes (B,) and (B, M).
 
-    Damped Gauss-Newton steps, each a Möbius map near the identity after the map so far, until no
-    map moves any more or `rounds` are over. They start at the best rotation and at others, `turns`
-    in all at equal angles; the map that ends nearest is returned.
+    By `descend`, from the best rotation and from others, `turns` in all at equal angles; the map
+    that ends nearest is returned.
     """
     count = len(p)
     rotations = np.angle((p.conj() * q).sum(1)) + 2 * np.pi * np.arange(turns)[:, None] / turns
     p, q = (np.tile(points, (turns, 1)) for points in (p, q))
-    parameters = np.zeros(len(p), complex), rotations.ravel()
-    damping = np.full(len(p), FIRST)
-    off = _image(p, parameters) - q
+
+    def look(parameters):
+        w = mobius(p, *(part[:, None] for part in parameters))
+        return w - q, mobius_fields(w)
+
+    start = np.zeros(len(p), complex), rotations.ravel()
+    parameters, off = descend(look, start, rounds)
+    cost = (abs(off) ** 2).sum(1).reshape(turns, count)
+    best = cost.argmin(0) * count + np.arange(count)
+    return tuple(part[best] for part in parameters), abs(off[best])
+
+
+def descend(look, parameters, rounds):
+    """Disk Möbius maps (a, theta), (B,) each, that lower B sums of squares, and what these are of,
+    (B, K): by damped Gauss-Newton steps from `parameters`, until no map moves any more or `rounds`
+    are over.
+
+    look(parameters): residuals (B, K) and their derivatives (B, K, 3) by a Möbius increment after
+    each map, as of `mobius_fields`; real, or complex. Each step is a Möbius map near the identity
+    after the map so far.
+    """
+    damping = np.full(len(parameters[0]), FIRST)
+    off, columns = look(parameters)
     cost = (abs(off) ** 2).sum(1)
     for _ in range(rounds):
-        # One Gauss-Newton step of each set, damped relative to the trace of its normal matrix.
-        columns = mobius_fields(off + q)
+        # One Gauss-Newton step of each map, damped relative to the trace of its normal matrix.
         adjoint = columns.conj().transpose(0, 2, 1)
         normal, slope = (adjoint @ columns).real, (adjoint @ off[..., None]).real
         ridge = damping * (np.trace(normal, axis1=1, axis2=2) + 1e-300)
@@ -116,19 +127,15 @@ def nearest_mobius(p, q, turns=4, rounds=30):
         turn, real, imaginary = step[..., 0].T
         shift = (real + 1j * imaginary) / np.sqrt(1 + real**2 + imaginary**2)  # stays in the disk
         # A step that makes a sum of squares larger is not taken, and the next one is shorter.
-        after = _composed(parameters, (shift, turn))
-        off_after = _image(p, after) - q
-        cost_after = (abs(off_after) ** 2).sum(1)
-        lower = cost_after <= cost * (1 + ROUNDING)
+        tried = compose_mobius(parameters, (shift, turn))
+        off_tried, columns_tried = look(tried)
+        cost_tried = (abs(off_tried) ** 2).sum(1)
+        lower = cost_tried <= cost * (1 + ROUNDING)
         damping = np.clip(np.where(lower, damping / 5, damping * 5), LEAST, MOST)
-        parameters = tuple(np.where(lower, new, old) for new, old in zip(after, parameters))
-        off = np.where(lower[:, None], off_after, off)
-        cost = np.where(lower, cost_after, cost)
+        parameters = tuple(np.where(lower, new, old) for new, old in zip(tried, parameters))
+        off = np.where(lower[:, None], off_tried, off)
+        columns = np.where(lower[:, None, None], columns_tried, columns)
+        cost = np.where(lower, cost_tried, cost)
         if (abs(turn) + abs(shift)).max() < STILL:
             break
-    best = cost.reshape(turns, count).argmin(0) * count + np.arange(count)
-    return tuple(part[best] for part in parameters), abs(off[best])
-
-
-def _image(p, parameters):
-    return mobius(p, *(part[:, None] for part in parameters))
+    return parameters, off

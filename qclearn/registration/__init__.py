@@ -3,11 +3,12 @@
 - register: the call itself, its arguments, its stages, its result.
 - curves: landmark curves, read, sampled, detected, checked.
 - features: depth, curvature and maps of one's own; disks aligned by them.
-- pair: two surfaces with their disks, aligned, and the landmarks sampled on both.
+- start: two surfaces with their disks, aligned, the landmarks sampled on both, and two starts of a
+  fit without landmarks.
 - diagnose: wrong landmarks told before the fit, suspect maps after it, and the limits of both.
 - problem: what a fit is given: landmarks, targets, weights and their defaults.
-- fit: where a fit starts, what it falls back to, and its certificate.
-- multiresolution: the meshes of a fit, from coarse to fine; how many steps each takes, when it
+- fit: the fit, what it falls back to, and its certificate.
+- levels: the meshes of a fit, from coarse to fine; how many steps each takes, when it
   ends.
 - gauss_newton, residuals: the objective, one step on one mesh, and the terms that it lowers.
 - networks: maps that networks predict, checked, and replaced or fitted further where they fail.
@@ -25,7 +26,7 @@ TABLE = {
     "features": ["FINEST", "FOLDS", "Feature", "check_features", "featured"],
     "fit": ["OVERFITS", "exact_map", "fit_problem"],
     "gauss_newton": ["PrimalStep"],
-    "multiresolution": [
+    "levels": [
         "GUIDING_DELTA",
         "GUIDING_GAMMA",
         "LEVELS",
@@ -35,7 +36,7 @@ TABLE = {
         "run_level",
     ],
     "networks": ["certified_network_map"],
-    "pair": ["SurfacePair", "align_disks", "lines_by_name", "sample_landmarks"],
+    "start": ["SurfacePair", "align_disks", "lines_by_name", "sample_landmarks"],
     "problem": ["DELTA_BY_DISKS", "DELTA", "ETA", "Problem", "Weights"],
     "report": ["held_out_distances", "log2_distortions", "measured_losses"],
     "residuals": ["LandmarkTerm"],

@@ -13,11 +13,11 @@ from itertools import combinations
 import numpy as np
 
 from ..plane.linear import face_areas
-from ..plane.mobius import nearest_mobius
+from ..plane.mobius import mobius, nearest_mobius
 from ..surfaces.surface import SurfaceError, closing_fans, places_of
 from ..surfaces.units import size_of
 from .curves import SIDES
-from .features import FOLDS, SCALE, align_by_features, check_features, featured
+from .features import FOLDS, SCALE, best_by_features, check_features, featured
 
 LIMITS = {
     "error_mm": 3.0,  # mean landmark error, mm, together with the next; 0.05 to 4.1 | 0.3 to 64
@@ -112,7 +112,7 @@ def diagnose_landmarks(pair):
 def align_by_folds(pair):
     """The pair with the moving disk aligned by its features."""
     disk = pair.moving.disk
-    disk = disk.at(align_by_features(pair.features, disk.z))
+    disk = disk.at(mobius(disk.z, *best_by_features(pair.features, disk.z)))
     return replace(pair, moving=replace(pair.moving, disk=disk))
 
 

@@ -8,17 +8,15 @@ that of its disk); `Features` compares two. `mobius_by_features` aligns disks by
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from operator import itemgetter
 
 import numpy as np
-import scipy
 from scipy import sparse
 
 from ..plane.grids import thinned
-from ..plane.linear import LARGE, around_vertices, degenerate_faces, heat_flow
-from ..plane.mobius import centring_mobius, compose_mobius, mobius, mobius_fields
+from ..plane.linear import LARGE, around_vertices, heat_flow
+from ..plane.mobius import centring_mobius, compose_mobius, descend, mobius, mobius_fields
 from ..surfaces.curvature import mean_curvature, sulcal_depth
-from ..surfaces.surface import Surface, SurfaceError, closing_fans
+from ..surfaces.surface import SurfaceError
 from .problem import is_finite
 
 COMPUTED = {"depth": sulcal_depth, "curvature": mean_curvature}
@@ -46,11 +44,6 @@ PLACED = (12, (0.35,), 6, 2)
 SCOUTS = 300
 POINTS = 1500
 ROUNDS = 15  # of refinement, at most
-DAMPING = 1e-2  # of the first step, in parts of the normal matrix
-
-# Rotations of crude spheres: degrees about each axis of space, from coarse to fine.
-TURNS = (32, 16, 8, 4, 2)
-CELLS = 48  # per radius, of the grid in which nearest vertices are looked up
 
 
 class Smoothing:
@@ -66,14 +59,12 @@ class Smoothing:
         self.mass, self.stiffness = sparse.diags_array(surface.vertex_areas), surface.stiffness
         self.areas = surface.vertex_areas / surface.area
         self.unit = np.sqrt(surface.area / HEMISPHERE)
-        self.levels, self.densities = {}, {}
+        self.flows = {}
 
     def at(self, sigma):
-        """The smoothed values, outliers clipped, standardised; cached."""
-        if sigma not in self.levels:
-            values = clipped(self.heat(sigma), self.areas, SMOOTH_OUTLIERS)
-            self.levels[sigma] = standardised(values, self.areas)
-        return self.levels[sigma]
+        """The smoothed values (V, C), outliers clipped, standardised."""
+        values = self.smoothed(sigma)[:, : len(self.names)]
+        return standardised(clipped(values, self.areas, SMOOTH_OUTLIERS), self.areas)
 
     def density(self, sigma, disk):
         """log of the share of the surface's area over that of the disk's (V,), smoothed, on any of
@@ -82,23 +73,22 @@ class Smoothing:
         Two disk maps of one surface differ by a smooth factor, the slope of a Möbius map. It is
         added after the smoothing.
         """
-        if sigma not in self.densities:
-            self.heat(sigma)
-        density = self.densities[sigma] + log_density(self.areas, disk)
+        density = self.smoothed(sigma)[:, -1] + log_density(self.areas, disk)
         return density - log_density(self.areas, self.disk)
 
-    def heat(self, sigma):
-        """The values after the heat flow `A u' = -K u` for the time sigma^2 / 2; caches the
-        density's."""
-        columns = [clipped(scaled(self.values), self.areas, OUTLIERS)]
-        if self.disk is not None:
-            columns.append(log_density(self.areas, self.disk)[:, None])
-        smooth = self.flow(sigma, self.mass @ np.hstack(columns))
-        if self.disk is not None:
-            self.densities[sigma] = smooth[:, -1]
-        return smooth[:, : len(self.names)]
+    def smoothed(self, sigma):
+        """The values (V, C), and with a disk the density as one column more, after the heat flow `A
+        u' = -K u` for the time sigma^2 / 2; cached."""
+        if sigma not in self.flows:
+            largest = abs(self.values).max(0)  # so that squares neither vanish nor overflow
+            columns = [clipped(self.values / largest, self.areas, OUTLIERS)]
+            if self.disk is not None:
+                columns.append(log_density(self.areas, self.disk)[:, None])
+            self.flows[sigma] = self.flow(sigma, self.mass @ np.hstack(columns))
+        return self.flows[sigma]
 
     def flow(self, sigma, load):
+        """The heat flow of values (V, K), given by their load `A u`."""
         time = (self.unit * sigma) ** 2 / (2 * HEAT_STEPS)
         if self.few(sigma)[1] is None:
             return heat_flow(self.mass, time * self.stiffness, load, HEAT_STEPS)
@@ -107,9 +97,9 @@ class Smoothing:
 
     def few(self, sigma):
         """Vertices (N,) that suffice at a scale, and the matrix (V, N) that spreads their values to
-        all vertices. All vertices and None, unless the surface is large and the scale coarse."""
+        all vertices; all of them, and None, unless the surface is large and the scale coarse."""
         if self.disk is None or len(self.areas) <= LARGE or sigma <= FINEST:
-            return slice(None), None
+            return np.arange(len(self.areas)), None
         return self.coarse[:2]
 
     @cached_property
@@ -135,12 +125,6 @@ def standardised(values, areas):
     values = values - areas @ values
     deviation = np.sqrt(areas @ values**2)
     return np.divide(values, deviation, out=np.zeros_like(values), where=deviation > 0)
-
-
-def scaled(values):
-    """Values (V, C), not all 0, with 1 as each map's largest size, so that squares neither vanish
-    nor overflow."""
-    return values / abs(values).max(0)
 
 
 def clipped(values, areas, limit):
@@ -200,121 +184,21 @@ class Features:
         return np.clip(self.areas @ (here * there), -1, 1)
 
 
-class Directions(Features):
-    """Features that lead from afar: the vertices' places on `crude_sphere`s, as smooth as they
-    are, the moving ones after the rotation by which the features at SCALE agree best.
-
-    r: their mean correlation then; mirrored_r: if the moving side is mirrored.
-    """
-
-    def __init__(self, features, moving, control):
-        self.smoothings, self.disk, self.areas = features.smoothings, features.disk, features.areas
-        self.feature_weights = np.ones(3) / 3
-        here, there = (
-            crude_sphere(surface, side.few(ROUND)[1])
-            for surface, side in zip((moving, control), features.smoothings)
-        )
-        search = RotationSearch(features, there)
-        self.mirrored_r, _ = search.best(here * [-1, 1, 1])
-        self.r, rotated = search.best(here)
-        self.spheres = rotated, there
-
-    def at(self, sigma):
-        """Places on the unit sphere (V, 3) and (W, 3)."""
-        return self.spheres
-
-
-class RotationSearch:
-    """Rotations of a moving sphere onto a control's (W, 3), tried on POINTS of its vertices."""
-
-    def __init__(self, features, there):
-        here, values = features.at(SCALE)
-        self.some = np.random.default_rng(0).choice(len(here), POINTS, p=features.areas)
-        few, _ = features.smoothings[1].few(SCALE)
-        self.here, self.values = here[self.some] * features.feature_weights / POINTS, values[few]
-        # Many rotations ask for the nearest vertex to each cell of a grid on the sphere.
-        cells = np.indices((2 * CELLS + 1,) * 3).reshape(3, -1).T / CELLS - 1
-        near = abs(np.linalg.norm(cells, axis=1) - 1) < 1 / CELLS
-        self.nearest = np.zeros(len(cells), int)
-        self.nearest[near] = scipy.spatial.KDTree(there[few]).query(cells[near])[1]
-
-    def best(self, sphere):
-        """The features' correlation after the best rotation of a sphere (V, 3) about the axes of
-        space by up to TURNS in all, and the sphere after it."""
-        Rotation = scipy.spatial.transform.Rotation
-        best, r = Rotation.identity(), -np.inf
-        for turn in TURNS:
-            # From coarse to fine: a grid of rotations around the best one so far.
-            steps = turn * (np.arange(-2, 3) / 2 if turn == TURNS[0] else np.arange(-1, 2) / 2)
-            grid = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3)
-            tried = Rotation.from_euler("xyz", grid, degrees=True) * best
-            places = np.einsum("rij,pj->rpi", tried.as_matrix(), sphere[self.some])
-            cells = np.rint((places + 1) * CELLS).astype(int)
-            nearest = self.nearest[cells @ [(2 * CELLS + 1) ** 2, 2 * CELLS + 1, 1]]
-            found = np.einsum("rpc,pc->r", self.values[nearest], self.here)
-            if found.max() > r:
-                r, best = float(found.max()), tried[int(found.argmax())]
-        return r, best.apply(sphere)
-
-
-def crude_sphere(surface, spread=None):
-    """The vertices of a surface cut open at one rim on the unit sphere (V, 3), from their places
-    alone.
-
-    A fan closes the rim, and the places follow the closed surface's heat flow to the scale ROUND;
-    centred, with deviation 1 along each axis of space, they are taken to the sphere from its
-    centre. Sides that lie in space alike lie alike on their spheres, wherever they were cut.
-    spread: of `Smoothing.few`, whose vertices then carry the heat.
-    """
-    count = len(surface.vertices)
-    places, fan = closing_fans(surface)
-    # A slit's rim may have faces without area in its fan; it needs none.
-    slit = len(degenerate_faces(places, fan)) > 0
-    closed = surface if slit else Surface(places, np.vstack([surface.faces, fan]))
-    areas = closed.vertex_areas / closed.area
-    mass, time = sparse.diags_array(areas), ROUND**2 / HEMISPHERE / (2 * HEAT_STEPS)
-    places = closed.vertices - areas @ closed.vertices
-    flow = mass, time * closed.stiffness, mass @ places
-    if spread is None:
-        places = heat_flow(*flow, HEAT_STEPS)
-    else:
-        spread = sparse.block_diag([spread, np.eye(len(places) - count)]).tocsr()
-        small = (spread.T @ part @ spread for part in flow[:2])
-        places = spread @ heat_flow(*small, spread.T @ flow[2], HEAT_STEPS)
-    places = standardised(places, areas)[:count]
-    return places / np.maximum(np.linalg.norm(places, axis=1, keepdims=True), np.finfo(float).tiny)
-
-
 def featured(moving, control, maps):
     """Two `ParameterizedSurface`s with `Feature`s of `check_features`, and the `Features` that
     compare them."""
-    names = [feature.name for feature in maps]
-
-    def smoothed(side, name):
+    names, sides = [feature.name for feature in maps], []
+    for name, side in (("moving", moving), ("control", control)):
         values = np.stack([getattr(feature, name) for feature in maps], axis=1)
-        return replace(side, smoothing=Smoothing(side.surface, names, values, side.disk))
+        smoothing = Smoothing(side.surface, names, values, side.disk)
+        sides.append(replace(side, smoothing=smoothing))
+    return *sides, Features(*sides, [feature.weight for feature in maps])
 
-    moving, control = smoothed(moving, "moving"), smoothed(control, "control")
-    return moving, control, Features(moving, control, [feature.weight for feature in maps])
 
-
-class Image:
-    """The control's features (W, C) of one scale, at places that its `Disk.locate` returns."""
-
-    def __init__(self, disk, values):
-        self.disk, self.values = disk, values
-        # Slopes are averaged to the vertices: not the derivative of the interpolant, but one
-        # without its jumps.
-        by_face = np.einsum("fk,fkc->fc", disk.gradients, values[disk.faces])
-        self.by_vertex = disk.to_vertices @ by_face
-
-    def at(self, places):
-        """Values (P, C)."""
-        return self.disk.interpolate(self.values, places)
-
-    def slopes(self, places):
-        """Complex gradients (P, C)."""
-        return self.disk.interpolate(self.by_vertex, places)
+def vertex_slopes(disk, values):
+    """Complex gradients (V, C) of values (V, C) on a `Disk`, averaged to the vertices: not the
+    derivative of the interpolant, but one without its jumps."""
+    return disk.to_vertices @ np.einsum("fk,fkc->fc", disk.gradients, values[disk.faces])
 
 
 def mobius_by_features(features, z, near=False, search=FOLDED):
@@ -325,14 +209,18 @@ def mobius_by_features(features, z, near=False, search=FOLDED):
     inner = np.flatnonzero(abs(z) < 0.999)  # the others leave the control's polygon
     share = features.areas[inner] / features.areas[inner].sum()
     some = np.random.default_rng(0).choice(inner, POINTS, p=share)
-    match = Match(features, z, some)
-    if near:
-        return match.refined((0j, 0.0))[1]
-    around = np.exp(2j * np.pi * np.arange(directions) / directions)
-    centres = [0j, *np.multiply.outer(radii, around).ravel()]
-    starts = [(a, turn) for a in centres for turn in 2 * np.pi * np.arange(turns) / turns]
-    order = np.argsort(Match(features, z, some[:SCOUTS]).misfits(starts), kind="stable")
-    return min((match.refined(starts[k]) for k in order[:best]), key=itemgetter(0))[1]
+    a, theta = np.zeros(1, complex), np.zeros(1)
+    if not near:
+        around = np.exp(2j * np.pi * np.arange(directions) / directions)
+        centres = np.concatenate([[0j], np.multiply.outer(radii, around).ravel()])
+        a, theta = np.repeat(centres, turns), np.tile(np.arange(turns), len(centres))
+        theta = 2 * np.pi * theta / turns
+        residual, _ = Match(features, z, some[:SCOUTS])((a, theta))
+        order = np.argsort((residual**2).sum(1), kind="stable")[:best]
+        a, theta = a[order], theta[order]
+    (a, theta), residual = descend(Match(features, z, some), (a, theta), ROUNDS)
+    least = (residual**2).sum(1).argmin()
+    return complex(a[least]), float(theta[least])
 
 
 def best_by_features(features, z, search=FOLDED):
@@ -344,56 +232,28 @@ def best_by_features(features, z, search=FOLDED):
     )
 
 
-def align_by_features(features, z):
-    """The picture (V,) of a moving disk z (V,) under that map."""
-    return mobius(z, *best_by_features(features, z))
-
-
 class Match:
-    """How well features match at some vertices of a moving disk z (V,) after a Möbius map."""
+    """How features match at some vertices (M,) of a moving disk z (V,) after B Möbius maps (a,
+    theta), (B,) each: the differences (B, M C), whose squares add up to the misfit, and their
+    derivatives (B, M C, 3) by an increment of each map, as of `mobius_fields`."""
 
     def __init__(self, features, z, some):
-        here, there = features.at(SCALE)
-        self.locate, self.image = features.disk.locate, Image(features.disk, there)
+        here, self.there = features.at(SCALE)
+        self.disk, self.slopes = features.disk, vertex_slopes(features.disk, self.there)
         self.z, self.here = z[some], here[some]
         self.scale = np.sqrt(features.feature_weights / len(some))
 
-    def misfits(self, many):
-        """Mean squares (B,) of the difference after each of B Möbius maps (a, theta), looked up in
-        one go."""
-        a, theta = (np.array(part)[:, None] for part in zip(*many))
-        places = self.locate(mobius(np.tile(self.z, (len(a), 1)), a, theta).ravel())
-        there = self.image.at(places).reshape(len(a), *self.here.shape)
-        return ((self.scale * (self.here - there)) ** 2).sum((1, 2))
-
-    def after(self, parameters):
-        """Mean square after one Möbius map, the points and their places then, and residuals."""
-        w = mobius(self.z, *parameters)
-        places = self.locate(w)
-        residual = (self.scale * (self.here - self.image.at(places))).ravel()
-        return residual @ residual, w, places, residual
-
-    def refined(self, parameters):
-        """(misfit, (a, theta)) after damped Gauss-Newton steps from there, each a Möbius map
-        more."""
-        damping = DAMPING
-        cost, w, places, residual = self.after(parameters)
-        for _ in range(ROUNDS):
-            slopes = (self.scale * self.image.slopes(places)).conj()
-            D = -(slopes[:, :, None] * mobius_fields(w)[:, None]).real.reshape(-1, 3)
-            normal = D.T @ D
-            damped = normal + damping * np.diag(np.diag(normal))
-            turn, real, imaginary = np.linalg.solve(damped, -D.T @ residual)
-            shift = complex(real, imaginary)
-            tried = compose_mobius(parameters, (shift / np.sqrt(1 + abs(shift) ** 2), turn))
-            after = self.after(tried)
-            if after[0] < cost:
-                parameters = tried
-                cost, w, places, residual = after
-                damping *= 0.2
-            else:
-                damping *= 10.0
-        return cost, parameters
+    def __call__(self, parameters):
+        w = mobius(self.z, *(part[:, None] for part in parameters))
+        places = self.disk.locate(w.ravel())
+        shape = *w.shape, -1
+        there, slopes = (
+            self.disk.interpolate(values, places).reshape(shape)
+            for values in (self.there, self.slopes)
+        )
+        residual = self.scale * (self.here - there)
+        by_map = (self.scale * slopes).conj()[..., None] * mobius_fields(w)[:, :, None]
+        return residual.reshape(len(w), -1), -by_map.real.reshape(len(w), -1, 3)
 
 
 def check_features(features, moving, control):
@@ -404,7 +264,34 @@ def check_features(features, moving, control):
         raise FeatureError(
             f"features are {features!r}: give a list of them, or None for landmarks alone"
         )
-    maps = [_feature(number, given, moving, control) for number, given in enumerate(features, 1)]
+    maps = []
+    for number, given in enumerate(features, 1):
+        # Apart from its weight, if it has one, a feature is a name, a `Feature` or a pair of maps.
+        is_pair = isinstance(given, (list, tuple)) and len(given) == 2
+        weighted = is_pair and (isinstance(given[1], str) or not hasattr(given[1], "__len__"))
+        given, weight = given if weighted else (given, None)
+        if isinstance(given, str):
+            if given not in FOLDS:
+                raise FeatureError(
+                    f"unknown feature {given!r}: {' and '.join(FOLDS)} are computed, others are "
+                    "arrays"
+                )
+            given = Feature(given, *(COMPUTED[given](surface) for surface in (moving, control)))
+        elif not isinstance(given, Feature):
+            if not isinstance(given, (list, tuple)) or len(given) != 2:
+                raise FeatureError(
+                    f"feature {number} is neither a name nor a pair of maps, one a side: "
+                    f"{given!r:.60}"
+                )
+            given = Feature(f"feature {number}", *given)
+        if not isinstance(given.name, str):
+            raise FeatureError(f"feature {number}: its name {given.name!r} is not text")
+        weight = given.weight if weight is None else weight
+        if not (is_finite(weight) and weight > 0):
+            raise FeatureError(f"{given.name}: weight {weight!r} is not positive and finite")
+        here = check_values(given.moving, f"{given.name}, moving side", moving)
+        there = check_values(given.control, f"{given.name}, control side", control)
+        maps.append(Feature(given.name, here, there, float(weight)))
     names = [feature.name for feature in maps]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -412,33 +299,6 @@ def check_features(features, moving, control):
             f"features named twice: {twice}; rename or drop one of each, or raise its weight"
         )
     return maps
-
-
-def _feature(number, given, moving, control):
-    is_pair = isinstance(given, (list, tuple)) and len(given) == 2
-    weighted = is_pair and (isinstance(given[1], str) or not hasattr(given[1], "__len__"))
-    given, weight = given if weighted else (given, None)
-    if isinstance(given, str):
-        if given not in FOLDS:
-            raise FeatureError(
-                f"unknown feature {given!r}: {' and '.join(FOLDS)} are computed, others are arrays"
-            )
-        compute = COMPUTED[given]
-        given = Feature(given, compute(moving), compute(control))
-    elif not isinstance(given, Feature):
-        if not isinstance(given, (list, tuple)) or len(given) != 2:
-            raise FeatureError(
-                f"feature {number} is neither a name nor a pair of maps, one a side: {given!r:.60}"
-            )
-        given = Feature(f"feature {number}", *given)
-    if not isinstance(given.name, str):
-        raise FeatureError(f"feature {number}: its name {given.name!r} is not text")
-    weight = given.weight if weight is None else weight
-    if not (is_finite(weight) and weight > 0):
-        raise FeatureError(f"{given.name}: weight {weight!r} is not positive and finite")
-    moving = check_values(given.moving, f"{given.name}, moving side", moving)
-    control = check_values(given.control, f"{given.name}, control side", control)
-    return Feature(given.name, moving, control, float(weight))
 
 
 def check_values(values, name, surface):
@@ -465,7 +325,8 @@ def check_values(values, name, surface):
             f"{name}: the same value everywhere, {values[0]:g}; leave this feature out"
         )
     values = values.astype(float)
-    core = clipped(scaled(values[:, None]), surface.vertex_areas / surface.area, OUTLIERS)
+    column = values[:, None] / abs(values).max()
+    core = clipped(column, surface.vertex_areas / surface.area, OUTLIERS)
     if not np.ptp(core) > 1e-9:
         raise FeatureError(f"{name}: the same value everywhere but for outliers; leave it out")
     return values

@@ -30,20 +30,13 @@ from ..plane.coefficients import bounded
 from ..plane.disk import Disk
 from ..plane.mobius import best_mobius, mobius
 from ..plane.solver import DiskSolver
-from .features import PLACED, Features, best_by_features
-from .multiresolution import (
-    COARSE_MM,
-    MultiresolutionFit,
-    Progress,
-    feature_levels,
-    landmark_levels,
-    run_level,
-)
+from .features import Features
+from .levels import MultiresolutionFit, feature_levels, landmark_levels, rings_for, run_level
 from .problem import DELTA, LandmarkError, Problem, Weights
+from .start import from_two_starts
 
 FEWEST_RINGS = 4  # of the polar mesh; half of them on the coarse one
 ROUNDING = 1e-9  # by which an objective may exceed another and count as equal
-APART = 0.15  # mean distance in the disk of two starts that are tried both
 OVERFITS = 10.0  # delta above which the result has a warning
 
 ABOVE = "the fit ended above the best Möbius map"
@@ -138,12 +131,8 @@ def fit_problem(problem, weights, start_mu=None, rings=None, enough=0.0):
     objective, state, steps = MultiresolutionFit(problem).run(
         levels, weights, start_mu, enough=enough
     )
-    fit = report_fit(objective, state, (sum(steps[:-1]), steps[-1]))
-    mobius_state = objective.at_mobius(problem.mobius)
-    if above_mobius(objective, state, mobius_state):
-        # Landmarks alone need no guiding levels, so that steps on the last one may succeed.
-        fit = restart_from_mobius(objective, fit, mobius_state, levels[-1])
-    return note_spent_work(objective, fit, mobius_state)
+    # Landmarks alone need no guiding levels, so that steps on the last one may succeed.
+    return better(objective, state, (sum(steps[:-1]), steps[-1]), levels[-1])
 
 
 @threadpool_limits.wrap(limits=1)
@@ -165,144 +154,78 @@ def fit_registration(
         raise LandmarkError(
             f"delta = {weights.delta:g}: the features would take no part; give {DELTA:g}"
         )
-    levels = feature_levels(problem.disk) if levels is None else levels
     # Levels of landmarks alone have nothing to do where a start or features lead.
     by_landmarks = start is None and len(problem.moving)
-    levels = [level for level in limited(levels, problem.disk) if level.sigma or by_landmarks]
+    levels = feature_levels(problem.disk, levels)
+    levels = [level for level in levels if level.sigma or by_landmarks]
 
-    # From coarse features on a coarse mesh to fine ones; without landmarks maybe from two starts.
+    # From coarse features on a coarse mesh to fine ones; without landmarks from one of two starts.
     multiresolution, start_message = MultiresolutionFit(problem), ""
-    polar = [level for level in levels if level.on_nu_mesh]
-    guiding = [level for level in polar if (level.sigma or 0) >= COARSE_MM]
-    if weights.eta and guiding and start is None and not len(problem.moving):
-        (objective, state, steps), start_message = better_of_two_starts(
-            multiresolution, guiding, polar, levels[len(polar) :], weights, features
-        )
+    if weights.eta and start is None and not len(problem.moving):
+        fitted, start_message = from_two_starts(multiresolution, levels, weights, features)
     else:
-        objective, state, steps = multiresolution.run(levels, weights, start, features)
-    fit = replace(report_fit(objective, state, steps), start_message=start_message)
-    mobius_state = objective.at_mobius(problem.mobius)
-    if above_mobius(objective, state, mobius_state):
-        # No restart: on the last level alone features would lead it to the nearest valley.
-        fit = mobius_instead(fit, report_fit(objective, mobius_state, fit.steps))
-    fit = note_spent_work(objective, fit, mobius_state)
+        fitted = multiresolution.run(levels, weights, start, features)
+    # No second fit from the Möbius map: on the last level alone features would lead it to the
+    # nearest valley.
+    fit = better(*fitted)
     if weights.delta > OVERFITS:
         fit = fit.with_messages(f"delta = {weights.delta:g} overfits: choose it by held-out curves")
-    r = zip(features.correlation(mobius_state.f).tolist(), features.correlation(fit.f).tolist())
-    return replace(fit, r=dict(zip(features.names, map(list, r))))
+    plain = mobius(problem.disk.z, *problem.mobius)
+    r = zip(features.correlation(plain).tolist(), features.correlation(fit.f).tolist())
+    return replace(fit, start_message=start_message, r=dict(zip(features.names, map(list, r))))
 
 
-def better_of_two_starts(multiresolution, guiding, polar, fine, weights, features):
-    """The `Progress` of a fit without landmarks, and a message on its start.
-
-    Where two surfaces are cut elsewhere their disks differ by more than a Möbius map, and folds
-    lead it into valleys that are not theirs. A second fit begins where `Directions` lead. Unless it
-    lies near the first, the one whose objective is lower after the `guiding` levels goes on, on the
-    other `polar` levels and the `fine` ones.
-    """
-    problem, z = multiresolution.problem, multiresolution.problem.disk.z
-
-    def run(levels, resumed=None):
-        return multiresolution.run(levels, weights, None, features, resumed=resumed)
-
-    # The crude spheres lead the map from their best Möbius map on.
-    directions = problem.pair.directions
-    leading = multiresolution.objective(guiding[0], weights, directions)
-    nothing = np.zeros(len(leading.coefficient_mesh.mesh.z), complex)
-    state = leading.at(nothing, best_by_features(directions, z, PLACED))
-    state, _ = run_level(leading, state, guiding[0])
-    apart = features.areas @ abs(leading.discretization.interpolation @ state.f - z)
-    best = run(guiding, Progress(leading, state))
-    message = f"by crude spheres, {apart:.2g} in the disk from the best Möbius map of features"
-
-    # Far from the best Möbius map of features: fit from there as well, and take the better of both.
-    if apart >= APART:
-        best, message = better_start({"spheres": best, "features": run(guiding)})
-    objective, state, steps = run([*polar[len(guiding) :], *fine], best)
-    return Progress(objective, state, best.steps + steps), message
-
-
-def better_start(fits):
-    """Of two fits, name -> `Progress`, the one whose objective is lower, and a message on both."""
-    values = {
-        name: objective.value(state, objective.weights.gamma)
-        for name, (objective, state, _) in fits.items()
-    }
-    lower, other = sorted(values, key=values.get)
-    message = (
-        f"by {lower} (objective {values[lower]:.4g}), not by {other} "
-        f"(objective {values[other]:.4g})"
-    )
-    return fits[lower], message
-
-
-def rings_for(disk):
-    """How many rings the polar mesh of nu has for a `Disk`, by its vertices."""
-    return int(np.clip(np.sqrt(len(disk.z) / 3), 8, 32))
-
-
-def limited(levels, disk):
-    """Levels with no more rings than `rings_for` a `Disk`."""
-    most = rings_for(disk)
-    return [level._replace(rings=min(level.rings, most)) for level in levels]
-
-
-def above_mobius(objective, state, mobius_state):
-    """Whether a state lies above that of the best Möbius map, in objective or, without features, in
-    the landmarks' mean squared distance."""
+def better(objective, state, steps, level=None):
+    """The LandmarkFit of a state, or of the best Möbius map where the state lies above that one: in
+    objective or, without features, in the landmarks' mean squared distance. level: whose steps from
+    the Möbius map are tried before it is returned."""
 
     def sizes(state):
-        yield objective.value(state, objective.weights.gamma)
-        if objective.feature_term is None:
-            yield (abs(state.points - objective.problem.target) ** 2).mean()
+        value = objective.value(state, objective.weights.gamma)
+        if objective.feature_term is not None:
+            return (value,)
+        return value, (abs(state.points - objective.problem.target) ** 2).mean()
 
-    return not all(
-        fitted <= (1 + ROUNDING) * best for fitted, best in zip(sizes(state), sizes(mobius_state))
-    )
-
-
-def restart_from_mobius(objective, fit, mobius_state, level):
-    """A second fit, by steps of a level from the best Möbius map, in place of one that ended above
-    that map; `mobius_instead` where the second fit ends above it, too."""
-    objective.work = 0.0  # the restart may take as much as the fit before it
-    start_state = objective.at(mobius_state.nu, mobius_state.mobius)
-    state, taken = run_level(objective, start_state, level)
-    steps = fit.steps[0], fit.steps[1] + taken
-    second = report_fit(objective, state, steps)
-    if second.bijective and not above_mobius(objective, state, mobius_state):
-        return second.with_messages(f"{ABOVE}: {taken} steps from there")
-    return mobius_instead(fit, report_fit(objective, mobius_state, steps))
-
-
-def mobius_instead(fit, mobius_fit):
-    """The best Möbius map in place of a fit that ended above it, unless that map alone folds the
-    mesh."""
-    if mobius_fit.bijective or not fit.bijective:
-        return mobius_fit.with_messages(f"{ABOVE}: that map is returned")
-    return fit.with_messages(f"{ABOVE}: kept, as that map folds the mesh")
-
-
-def note_spent_work(objective, fit, mobius_state):
-    """The fit, with a message where its work is spent; then the best Möbius map in place of one
-    that folds."""
-    if not objective.spent:
+    fit = report_fit(objective, state, steps)
+    mobius_state = objective.at_mobius(objective.problem.mobius)
+    least = sizes(mobius_state)
+    above = is_above(sizes(state), least)
+    if above and level is not None:
+        # A second fit, which may take as much work as the one before it.
+        objective.work = 0.0
+        state = objective.at(mobius_state.nu, mobius_state.mobius)
+        state, taken = run_level(objective, state, level)
+        steps = steps[0], steps[1] + taken
+        second = report_fit(objective, state, steps)
+        if second.bijective and not is_above(sizes(state), least):
+            above, fit = False, second.with_messages(f"{ABOVE}: {taken} steps from there")
+    if not above and not objective.spent:
         return fit
-    if not fit.bijective:
-        fit = report_fit(objective, mobius_state, fit.steps)
-        fit = fit.with_messages("the fit folds: the best Möbius map is returned")
-    return fit.with_messages(SPENT)
+    plain = report_fit(objective, mobius_state, steps)
+    if above and (plain.bijective or not fit.bijective):
+        fit = plain.with_messages(f"{ABOVE}: that map is returned")
+    elif above:
+        fit = fit.with_messages(f"{ABOVE}: kept, as that map folds the mesh")
+    if objective.spent:
+        if not fit.bijective:
+            fit = plain.with_messages("the fit folds: the best Möbius map is returned")
+        fit = fit.with_messages(SPENT)
+    return fit
+
+
+def is_above(sizes, least):
+    """Whether a map's sizes lie above those of the best Möbius map, beyond rounding, in any."""
+    return not all(size <= (1 + ROUNDING) * best for size, best in zip(sizes, least))
 
 
 def report_fit(objective, state, steps):
     """The LandmarkFit of a state: its map with the certificate's verdict, and its losses."""
     mu, weights = bounded(state.nu), objective.weights
-    off = abs(state.points - objective.problem.target)
-    losses = {
-        "L_mu": float((mu.conj() @ (objective.mass @ mu)).real),
-        "L_grad_mu": float((mu.conj() @ (objective.coefficient_mesh.laplace @ mu)).real),
-        "L_Landmark": float((off**2).mean()) if len(off) else 0.0,
-    }
-    losses["L_CP"] = float(sum(factor * losses[name] for name, factor in weights.factors.items()))
+    losses = weights.losses(
+        (mu.conj() @ (objective.mass @ mu)).real,
+        (mu.conj() @ (objective.coefficient_mesh.laplace @ mu)).real,
+        abs(state.points - objective.problem.target),
+    )
     for name, term, weight in (
         ("L_features", objective.feature_term, weights.delta),
         ("L_area", objective.area_term, weights.eta),
@@ -360,9 +283,17 @@ def solver_messages(solver, switched=0):
 
 
 def fit_with_fallbacks(problem, weights, start_mu=None, enough=0.0, features=None):
-    """`fit_problem`, or with `Features` `fit_registration`, at the first `weight_fallbacks` of
-    weights whose map is bijective; start_mu: mu (F,) to begin from."""
-    for tried in weight_fallbacks(weights, problem, features):
+    """`fit_problem`, or with `Features` `fit_registration`, at the first weights whose map is
+    bijective: these, then lower ones. start_mu: mu (F,) to begin from."""
+    # Lower delta once, then gamma by powers of ten; without landmarks delta alone.
+    fallbacks = [weights]
+    if features is not None:
+        for _ in range(1 if len(problem.moving) else 4):
+            fallbacks.append(replace(fallbacks[-1], delta=fallbacks[-1].delta / 4))
+    if len(problem.moving):
+        last = fallbacks[-1]
+        fallbacks += [replace(last, gamma=last.gamma / 10**power) for power in range(1, 5)]
+    for tried in fallbacks:
         if features is None:
             fit = fit_problem(problem, tried, start_mu=start_mu, enough=enough)
         else:
@@ -384,16 +315,3 @@ def fit_with_fallbacks(problem, weights, start_mu=None, enough=0.0, features=Non
         f"no bijective map for these {given} down to {last} ({len(fit.flipped)} faces flipped); "
         f"check that {advice}"
     )
-
-
-def weight_fallbacks(weights, problem, features):
-    """The weights to try in turn: lower delta once, then gamma by powers of ten; without landmarks
-    delta alone."""
-    yield weights
-    if features is not None:
-        for _ in range(1 if len(problem.moving) else 4):
-            weights = replace(weights, delta=weights.delta / 4)
-            yield weights
-    if len(problem.moving):
-        for power in range(1, 5):
-            yield replace(weights, gamma=weights.gamma / 10**power)

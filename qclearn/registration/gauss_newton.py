@@ -90,11 +90,11 @@ class Change(NamedTuple):
 
 class ProductStep:
     """Products with D, the residuals' derivative at a state, by changes x of nu and of the Möbius
-    parameters, real (2 N + 3,)."""
+    parameters, real (2 N + 3,); learnt: what the last step learnt of its equations."""
 
     def __init__(self, objective, state, gamma):
         self.objective, self.state, self.gamma = objective, state, gamma
-        self.preconditioner = state.preconditioner
+        self.learnt = state.learnt
         # dw = slope df + fields @ (dtheta, Re da, Im da), w = M(f).
         self.slope = mobius_slope(state.solution.f, *state.mobius)
         self.fields = mobius_fields(state.f)
@@ -111,6 +111,8 @@ class ProductStep:
         self.rows = sparse.vstack([self.landmarks, *terms]).tocsr()
         self.rows_conj, self.rows_T = self.rows.conj(), self.rows.T.tocsr()
         self.by_mobius = (self.landmarks.conj() @ self.fields).real
+        # The model's objective without a step.
+        self.before = self.nu @ self.prior(self.nu) + self.residual @ self.residual
 
     def activated(self, change):
         """`bounded_pullback` of a change (F,) at the state's nu."""
@@ -142,33 +144,30 @@ class ProductStep:
         by_nu = self.objective.W @ x[:-3].view(complex)
         return np.concatenate([by_nu.view(float), MOBIUS_PRIOR * x[-3:]])
 
-    def model(self):
-        """The model's objective without a step."""
-        return self.nu @ self.prior(self.nu) + self.residual @ self.residual
 
-    def change(self, x, promised):
-        return Change(x[:-3].view(complex), complex(x[-2], x[-1]), x[-3], promised)
+def conjugate_gradients(product, precondition, load, most, enough):
+    """x of `A x = load`, what is left of the load, and the directions (p, A p, p A p), by at most
+    `most` steps of preconditioned conjugate gradients.
 
-
-def conjugate_gradients(product, precondition, rest, directions):
-    """Preconditioned conjugate gradients for `A x = rest`: yields x, what is left of `rest`, and
-    its squared size in the preconditioner's norm, before each step; appends its direction p, A p, p
-    A p and its length to `directions`."""
-    x = np.zeros(len(rest))
-    while True:
-        z = precondition(rest)
-        size = rest @ z
-        yield x, rest, size
+    They end where `enough(x, rest, size)`: size is the rest's squared norm in the preconditioner's,
+    in parts of the load's; or where it is 0, and what is left is rounding.
+    """
+    x, rest, directions, first = np.zeros(len(load)), load, [], None
+    while len(directions) < most:
+        p = precondition(rest)
+        size = rest @ p
+        first = size if first is None else first
+        if not size > 0 or enough(x, rest, size / first):
+            break
         # Conjugate to all earlier directions: to the last one alone, rounding would grow tenfold a
         # step, until directions repeat.
-        p = z
-        for earlier, Ap, curvature, _ in directions:
-            p = p - Ap @ p / curvature * earlier
+        for earlier, A_earlier, curvature in directions:
+            p = p - A_earlier @ p / curvature * earlier
         Ap = product(p)
-        curvature = p @ Ap
-        length = p @ rest / curvature
-        directions.append((p, Ap, curvature, length))
+        directions.append((p, Ap, p @ Ap))
+        length = p @ rest / (p @ Ap)
         x, rest = x + length * p, rest - length * Ap
+    return x, rest, directions
 
 
 class DualStep(ProductStep):
@@ -176,62 +175,71 @@ class DualStep(ProductStep):
     solution y is the residual that the step leaves.
 
     A matrix near S preconditions well at any gamma; one near `W + D^T D` does not, because that is
-    large where D is not quite 0. preconditioner: about `D W^-1 D^T` at gamma = 1, (2 M, 2 M).
+    large where D is not quite 0. learnt: about `D W^-1 D^T` at gamma = 1, (2 M, 2 M).
     """
 
     def __init__(self, objective, state, gamma):
         super().__init__(objective, state, gamma)
-        if self.preconditioner is None:  # at the first state, on the mesh of nu
+        if self.learnt is None:  # at the first state, from the mesh of nu
             D = objective.jacobian(state, 1.0)
-            self.preconditioner = (D.conj() @ objective.solve_prior(D.T)).real
+            parts = np.ascontiguousarray(D.T).view(float)
+            lifted = np.ascontiguousarray(objective.factors.solve(parts)).view(complex)
+            self.learnt = (D.conj() @ lifted).real
 
     def propose(self, damping=0.0):
         """The `Change` by conjugate gradients; damping d adds `d (change^* W change)` to the model,
         and the same for the Möbius part."""
         share, weight = 1 / (1 + damping), MOBIUS_PRIOR + damping
         B = share * weight * np.eye(3)
-        by_mobius = self.by_mobius
-        lifted, directions = [], []
+        mobius_part = self.by_mobius @ self.by_mobius.T / weight
+        constant = self.residual - share * self.forward(self.nu)
 
         def product(y):
-            lifted.append(share * self.lift(self.adjoint(y), B))
-            return y + self.forward(lifted[-1])
+            return y + self.forward(share * self.lift(self.adjoint(y), B))
 
-        mobius_part = by_mobius @ by_mobius.T / weight
-        S = np.eye(len(by_mobius)) + share * (self.gamma * self.preconditioner) + mobius_part
-        before = self.model()
-        constant = self.residual - share * self.forward(self.nu)
-        solve = conjugate_gradients(product, np.linalg.inv(S).__matmul__, constant, directions)
-        for y, rest, size in islice(solve, DUAL_STEPS + 1):
-            # The model's least objective is at least `least`, and that of y is `least + left`.
+        def enough(y, rest, _):
+            # The dual problem's value at y is a lower bound of the model's least objective, which
+            # the step of this y exceeds by `left` at most.
             least, left = y @ (constant + rest), rest @ rest
-            gain = before - least
-            done = gain < SMALL_GAIN * before or left <= FORCING * (gain - left)
-            if done or not size > 0 or self.objective.spent:  # size 0: what is left is rounding
-                break
+            gain = self.before - least
+            small = gain < SMALL_GAIN * self.before or left <= FORCING * (gain - left)
+            return small or self.objective.spent
+
+        one = np.eye(len(constant))
+        inverse = np.linalg.inv(one + share * self.gamma * self.learnt + mobius_part)
+        y, rest, directions = conjugate_gradients(
+            product, inverse.__matmul__, constant, DUAL_STEPS, enough
+        )
         if directions:
-            pairs = [(p, (Sp - p - mobius_part @ p) / share) for p, Sp, *_ in directions]
-            self.preconditioner = corrected(self.preconditioner, pairs, self.gamma)
-        x = -share * self.nu
-        for step, (*_, length) in zip(lifted, directions):
-            x -= length * step
-        return self.change(x, least + left)
+            products = [(p, (Sp - p - mobius_part @ p) / share) for p, Sp, _ in directions]
+            self.learnt = corrected(self.learnt, products, self.gamma)
+        x = -share * (self.nu + self.lift(self.adjoint(y), B))
+        promised = y @ (constant + rest) + rest @ rest
+        return Change(x[:-3].view(complex), complex(x[-2], x[-1]), x[-3], promised)
 
 
 def corrected(gram, products, gamma):
-    """A matrix (n, n) corrected (BFGS) by pairs of y (n,) and gamma times the exact matrix's
-    product with y."""
+    """A matrix H (n, n) corrected (BFGS) to be exact in directions Y: `H - HY (Y^T HY)^-1 (HY)^T +
+    AY (Y^T AY)^-1 (AY)^T`, from pairs of y (n,) and gamma A y, A the exact matrix."""
     one = np.eye(len(gram)) / gamma  # with it, as in S, nothing is singular
-    Y, exact = (np.stack(side, axis=1) for side in zip(*products))
+    Y, AY = (np.stack(side, axis=1) for side in zip(*products))
+    # An orthonormal basis of the directions, of which many steps repeat some.
     sizes = np.linalg.norm(Y, axis=0)
-    Y, parts, turned = np.linalg.svd(Y / sizes, full_matrices=False)
-    kept = parts > INDEPENDENT * parts[0]  # many steps repeat their directions
-    Y = Y[:, kept]
-    turned = (turned[kept] / parts[kept, None]).T
-    known = (gram + one) @ Y
-    exact = (exact / sizes @ turned + Y) / gamma
-    old, new = (side @ np.linalg.solve(Y.T @ side, side.T) for side in (known, exact))
+    basis, parts, turned = np.linalg.svd(Y / sizes, full_matrices=False)
+    kept = parts > INDEPENDENT * parts[0]
+    basis, turned = basis[:, kept], (turned[kept] / parts[kept, None]).T
+    # H and A, with `one` added, times this basis.
+    HY, AY = (gram + one) @ basis, (AY / sizes @ turned + basis) / gamma
+    old, new = (side @ np.linalg.solve(basis.T @ side, side.T) for side in (HY, AY))
     return gram - old + new
+
+
+class Directions(NamedTuple):
+    """What a `PrimalStep` learns: directions y as columns, `H y` of its matrix H, and `y H y`."""
+
+    Y: np.ndarray
+    HY: np.ndarray
+    curvatures: np.ndarray
 
 
 class PrimalStep(ProductStep):
@@ -240,7 +248,7 @@ class PrimalStep(ProductStep):
 
     `P = diag(W, B) + D_L^T D_L`, by Woodbury's formula, preconditions it: each of the landmarks'
     rows D_L of a large gamma would else cost a step; B: the other terms' part on the Möbius
-    parameters. preconditioner: directions of the last step, products with them, and their sizes.
+    parameters. learnt: the last step's `Directions`.
     """
 
     def __init__(self, objective, state, gamma):
@@ -251,43 +259,39 @@ class PrimalStep(ProductStep):
         by_mobius = (self.rows_conj[len(self.by_mobius) :] @ self.fields).real
         self.B = MOBIUS_PRIOR * np.eye(3) + MOBIUS_SHARE * by_mobius.T @ by_mobius
         self.B += RELIEF * self.by_mobius.T @ self.by_mobius
-        by_nu = objective.jacobian(state, gamma)
-        by_nu = np.ascontiguousarray(by_nu).view(float)
+        by_nu = np.ascontiguousarray(objective.jacobian(state, gamma)).view(float)
         self.D_L = np.hstack([by_nu, self.by_mobius])
         self.lifted = self.lift(self.D_L.T, self.B)
         self.S = np.linalg.inv(np.eye(len(self.D_L)) + self.D_L @ self.lifted)
 
+    def product(self, x):
+        """The equations' left side."""
+        return self.prior(x) + self.adjoint(self.forward(x))
+
     def precondition(self, g):
         """`P^-1 g`, corrected (BFGS) to be exact in the last step's directions."""
-
-        def woodbury(g):
-            x = self.lift(g, self.B)
-            return x - self.lifted @ (self.S @ (self.D_L @ x))
-
-        if self.preconditioner is None:
-            return woodbury(g)
-        Y, HY, sizes = self.preconditioner
-        along = Y.T @ g / sizes
-        x = woodbury(g - HY @ along)
-        return x + Y @ (along - HY.T @ x / sizes)
+        if self.learnt is not None:
+            Y, HY, curvatures = self.learnt
+            along = Y.T @ g / curvatures
+            g = g - HY @ along
+        x = self.lift(g, self.B)
+        x = x - self.lifted @ (self.S @ (self.D_L @ x))
+        return x if self.learnt is None else x + Y @ (along - HY.T @ x / curvatures)
 
     def propose(self):
         """The `Change` by conjugate gradients."""
 
-        def product(x):
-            return self.prior(x) + self.adjoint(self.forward(x))
+        def enough(x, rest, size):
+            return size <= self.accuracy**2 or (x.any() and self.objective.spent)
 
-        directions = []
-        slope = -self.prior(self.nu) - self.adjoint(self.residual)
-        solve = conjugate_gradients(product, self.precondition, slope, directions)
-        x, rest, first = next(solve)
-        for x, rest, size in islice(solve, PRIMAL_STEPS):  # noqa: B007, the last count
-            if size <= self.accuracy**2 * first or self.objective.spent:
-                break
-        promised = self.model() - x @ (slope + rest)
+        load = -self.prior(self.nu) - self.adjoint(self.residual)
+        x, rest, directions = conjugate_gradients(
+            self.product, self.precondition, load, PRIMAL_STEPS, enough
+        )
         if directions:
-            self.preconditioner = [np.stack(part, axis=-1) for part in zip(*directions)][:3]
-        return self.change(x, promised)
+            self.learnt = Directions(*(np.stack(part, axis=-1) for part in zip(*directions)))
+        promised = self.before - x @ (load + rest)
+        return Change(x[:-3].view(complex), complex(x[-2], x[-1]), x[-3], promised)
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,7 +300,8 @@ class State:
 
     f (V,): M after the solver's map on the mapped mesh; points (M,): the mapped landmarks;
     solution: the solver with its factors; switched: how many rows the repair switched, in so many
-    rounds; preconditioner: what earlier steps computed of the linearisation, None at first.
+    rounds; learnt: what the step to it learnt of its equations, a `DualStep`'s matrix or a
+    `PrimalStep`'s `Directions`; None at first.
     """
 
     nu: np.ndarray
@@ -306,7 +311,7 @@ class State:
     solution: DiskSolver
     switched: int = 0
     rounds: int = 0
-    preconditioner: object = None
+    learnt: np.ndarray | Directions | None = None
 
     @cached_property
     def folded(self):
@@ -314,76 +319,37 @@ class State:
         return self.switched > 0 and len(self.solution.disk.at(self.f).maybe_flipped) > 0
 
 
-class Discretization:
-    """What no weight changes of a `Problem` on a `CoefficientMesh`; on_nu_mesh: the polar mesh of
-    nu is mapped itself, not the problem's disk or a proxy of it."""
-
-    def __init__(self, problem, coefficient_mesh, on_nu_mesh):
-        self.problem, self.coefficient_mesh = problem, coefficient_mesh
-        self.on_nu_mesh = on_nu_mesh
-        self.samples = coefficient_mesh.disk.interpolation(problem.moving)
-        self.landmarks = LandmarkTerm(problem.target, problem.curve, problem.sliding)
-
-    @cached_property
-    def interpolation(self):
-        """Sparse (V, N): from the mapped mesh to the moving vertices."""
-        return self.coefficient_mesh.disk.interpolation(self.problem.disk.z)
-
-    @cached_property
-    def mass_by_area(self):
-        """`S^T diag(w) S`, S from nu's mesh to the moving vertices, w their shares of the moving
-        surface's area."""
-        meshes, moving = self.coefficient_mesh, self.problem.pair.moving
-        same = meshes.disk is meshes.mesh
-        S = self.interpolation if same else meshes.mesh.interpolation(moving.disk.z)
-        return (S.T @ sparse.diags_array(moving.vertex_shares) @ S).tocsc()
-
-    @cached_property
-    def moving_to_mapped(self):
-        """Sparse (F, G): the shares of their area of the G moving faces, in the rows of the F faces
-        of the mapped mesh that hold these."""
-        moving, mapped = self.problem.pair.moving, self.coefficient_mesh.disk
-        shares = moving.face_shares
-        columns = np.arange(len(shares))
-        rows = columns if mapped is moving.disk else mapped.locate(moving.disk.centroids)[0]
-        shape = len(mapped.faces), len(shares)
-        return sparse.csr_array((shares, (rows, columns)), shape=shape)
-
-    def by_area(self, values):
-        """The moving area's shares (F,) in the mapped faces, and means (F,) there of values (V,) of
-        its vertices."""
-        shares = self.moving_to_mapped.sum(1)
-        sums = self.moving_to_mapped @ values[self.problem.pair.moving.disk.faces].mean(1)
-        return shares, np.divide(sums, shares, out=np.zeros(len(sums)), where=shares > 0)
-
-    @cached_property
-    def polar_samples(self):
-        """Sparse (M, N): nu's mesh at the moving landmarks."""
-        return self.coefficient_mesh.mesh.interpolation(self.problem.moving)
-
-
 class GaussNewtonObjective:
-    """The objective of a `Discretization` with `Weights`, and maybe a `FeatureTerm` and an
-    `AreaTerm`: `state = at(nu, mobius)`, `value(state, gamma)`, `step(state, gamma)`.
+    """The objective of a `Problem` on a `CoefficientMesh`, with `Weights` and maybe a `FeatureTerm`
+    and an `AreaTerm`: `state = at(nu, mobius)`, `value(state, gamma)`, `step(state, gamma)`.
 
-    Folds are repaired on the problem's own mesh and on its proxy, not on the mesh of nu; `work`
-    counts what the steps cost and is bounded there.
+    on_nu_mesh: the polar mesh of nu is mapped itself, not the problem's disk or its proxy; there
+    folds are not repaired. `work` counts what the steps cost and is bounded on the other two.
     """
 
-    def __init__(self, discretization, weights, feature_term=None, area_term=None):
-        self.discretization, self.weights = discretization, weights
+    def __init__(
+        self, problem, coefficient_mesh, weights, on_nu_mesh, feature_term=None, area_term=None
+    ):
+        self.problem, self.weights, self.on_nu_mesh = problem, weights, on_nu_mesh
+        self.coefficient_mesh = mesh = coefficient_mesh
         self.feature_term, self.area_term = feature_term, area_term
         self.terms = [term for term in (feature_term, area_term) if term is not None]
-        self.problem, self.samples = discretization.problem, discretization.samples
-        self.coefficient_mesh = mesh = discretization.coefficient_mesh
-        self.landmarks = discretization.landmarks
-        self.mass = mesh.mass if area_term is None else discretization.mass_by_area
+        self.samples = mesh.disk.interpolation(problem.moving)
+        self.polar_samples = self.samples if on_nu_mesh else mesh.mesh.interpolation(problem.moving)
+        self.landmarks = LandmarkTerm(problem.target, problem.curve, problem.sliding)
+        self.mass = mesh.mass
+        if area_term is not None:
+            # `S^T diag(w) S`, S from nu's mesh to the moving vertices, w their shares of the moving
+            # surface's area.
+            moving = problem.pair.moving
+            S = mesh.mesh.interpolation(moving.disk.z)
+            self.mass = (S.T @ sparse.diags_array(moving.vertex_shares) @ S).tocsc()
         self.W = weights.alpha * self.mass + weights.beta * mesh.laplace
         self.factors = factorise(self.W)
         self.work, self.most_work = 0.0, np.inf
         self.last = None, None, None  # map, gamma and residual
-        if not discretization.on_nu_mesh:
-            gamma = weights.gamma if len(self.problem.moving) else LOW_GAMMA
+        if not on_nu_mesh:
+            gamma = weights.gamma if len(problem.moving) else LOW_GAMMA
             self.most_work = MOST_WORK * max(gamma / LOW_GAMMA, 1.0) ** GROWTH
 
     @property
@@ -419,14 +385,9 @@ class GaussNewtonObjective:
         switched, rounds = (), 0
         if f is None:
             f = mobius(solution.f, *parameters)
-        if not self.discretization.on_nu_mesh:
+        if not self.on_nu_mesh:
             f, switched, rounds = unfold(solution, f)
         return State(nu, parameters, f, self.samples @ f, solution, len(switched), rounds)
-
-    def solve_prior(self, fields):
-        """`W^-1` of complex fields (N, K)."""
-        parts = np.ascontiguousarray(fields).view(float)
-        return np.ascontiguousarray(self.factors.solve(parts)).view(complex)
 
     def prior(self, nu):
         return (nu.conj() @ (self.W @ nu)).real
@@ -445,6 +406,11 @@ class GaussNewtonObjective:
         """The objective at a state."""
         return self.prior(state.nu) + (self.residual(state, gamma) ** 2).sum()
 
+    def moved(self, state):
+        """Where the moving vertices lie after a state's map, (V,)."""
+        disk = self.coefficient_mesh.disk
+        return disk.interpolate(state.f, disk.locate(self.problem.disk.z))
+
     def error(self, state):
         """Mean distance of a state's landmarks from their targets."""
         return abs(state.points - self.problem.target).mean()
@@ -453,12 +419,11 @@ class GaussNewtonObjective:
         """Gradients of the landmarks' residual by nu, complex (2 M, N), by adjoint solves on the
         mesh of nu: the exact ones there, and elsewhere near enough to precondition with."""
         on_polar, solution = self.coefficient_mesh, state.solution
-        if not self.discretization.on_nu_mesh:
+        if not self.on_nu_mesh:
             on_polar = on_itself(on_polar.mesh)
             solution = on_polar.solution(state.nu)
-        samples = self.discretization.polar_samples
-        gradients = on_polar.gradients(state.nu, solution, samples, state.mobius)
-        return self.landmarks.jacobian(*gradients, gamma)
+        gradients = on_polar.gradients(state.nu, solution, self.polar_samples, state.mobius)
+        return self.landmarks.components(*gradients, gamma)
 
     def linearise(self, state, gamma):
         """The quadratic model at a state, ready to `propose` a `Change`."""
@@ -493,7 +458,7 @@ class GaussNewtonObjective:
         for share in SHARES:
             value, after = attempt(full, share)
             if before - value > SUFFICIENT_DECREASE * (2 * share - share**2) * gain:
-                return replace(after, preconditioner=linearised.preconditioner)
+                return replace(after, learnt=linearised.learnt)
             if self.spent:
                 break
         # The line search has failed. With terms over the surface each damped step would solve large
@@ -506,4 +471,4 @@ class GaussNewtonObjective:
                 if self.spent:
                     break
         value, best = min(tried, key=itemgetter(0))
-        return replace(best, preconditioner=linearised.preconditioner) if value < before else None
+        return replace(best, learnt=linearised.learnt) if value < before else None

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from .fit import ROUNDING, exact_map, fit_with_fallbacks, moved_map
+from .fit import exact_map, fit_with_fallbacks, is_above, moved_map
 from .report import measured_losses
 
 # Landmark error in the disk above which a network's map is refined: half of what detection leaves.
@@ -41,52 +41,39 @@ def certified_network_map(predict, solve, problem, weights, tolerance, stages=nu
         mu = predicted(predict, problem, weights)
     with stages("solve"):
         f = solve(problem.disk.z, problem.disk.faces, mu)
+    # Where DBS-Net's map folds or is not finite, the exact map of mu, which may fold, too.
     with stages("certify"):
-        network_map = exact_if_folded(problem, mu, f)
+        network_map = moved_map(problem, f) if np.isfinite(f).all() else None
+        if network_map is None or not network_map.bijective:
+            message = f"DBS-Net's map {fold_message(network_map)}: exact solver"
+            exact = exact_map(problem, mu)
+            network_map = replace(exact, fallbacks=(message, *exact.fallbacks))
     with stages("refine"):
         return refined(problem, weights, mu, network_map, tolerance)
 
 
-def exact_if_folded(problem, mu, f):
-    """`moved_map` of DBS-Net's f (V,), or where that folds or is not finite `exact_map` of mu
-    (F,): CheckedMap, which may fold, too."""
-    network_map = moved_map(problem, f) if np.isfinite(f).all() else None
-    if network_map is not None and network_map.bijective:
-        return network_map
-    exact = exact_map(problem, mu)
-    message = f"DBS-Net's map {fold_message(network_map)}: exact solver"
-    return replace(exact, fallbacks=(message, *exact.fallbacks))
-
-
 def refined(problem, weights, mu, network_map, tolerance):
-    """`not_above_mobius` of the networks' map, or a fit from their mu where it folds or exceeds the
-    tolerance."""
-    error = network_map.landmark_error
-    if not network_map.bijective:
-        cause = f"the exact solver's map {fold_message(network_map)}"
-    elif error <= tolerance:
-        return not_above_mobius(problem, weights, network_map)
-    else:
-        cause = f"landmark error {error:.1e} above {tolerance:.1e}"
-    fit = fit_with_fallbacks(problem, weights, mu, enough=MARGIN * tolerance)
-    message = f"{cause}: {sum(fit.steps)} Gauss-Newton steps, to {fit.landmark_error:.1e}"
-    switched = max(network_map.switched, fit.switched)
-    fallbacks = (*network_map.fallbacks, message, *fit.fallbacks)
-    return replace(fit, fallbacks=fallbacks, switched=switched)
-
-
-def not_above_mobius(problem, weights, network_map):
-    """The networks' map, or the best Möbius map if it is bijective and lower in L_CP or in mean
+    """The networks' map, or a fit from their mu where it folds or exceeds the tolerance; or the
+    best Möbius map where that is bijective and the networks' lies above it, in L_CP or in mean
     |f(p) - q|^2."""
-    plain = moved_map(problem, problem.disk.z)
+    error = network_map.landmark_error
+    if not network_map.bijective or error > tolerance:
+        cause = f"landmark error {error:.1e} above {tolerance:.1e}"
+        if not network_map.bijective:
+            cause = f"the exact solver's map {fold_message(network_map)}"
+        fit = fit_with_fallbacks(problem, weights, mu, enough=MARGIN * tolerance)
+        message = f"{cause}: {sum(fit.steps)} Gauss-Newton steps, to {fit.landmark_error:.1e}"
+        switched = max(network_map.switched, fit.switched)
+        fallbacks = (*network_map.fallbacks, message, *fit.fallbacks)
+        return replace(fit, fallbacks=fallbacks, switched=switched)
 
     def sizes(candidate):
         mapped = problem.samples @ candidate.f
         loss = measured_losses(problem, weights, candidate.mu, mapped)["L_CP"]
         return loss, (abs(mapped - problem.target) ** 2).mean()
 
-    pairs = zip(sizes(network_map), sizes(plain))
-    if not plain.bijective or all(size <= (1 + ROUNDING) * best for size, best in pairs):
+    plain = moved_map(problem, problem.disk.z)
+    if not plain.bijective or not is_above(sizes(network_map), sizes(plain)):
         return network_map
     message = "the networks' map ended above the best Möbius map: that map is returned"
     fallbacks = (*network_map.fallbacks, message)

@@ -55,6 +55,15 @@ class Weights:
         """Term of the paper's loss -> weight."""
         return {"L_mu": self.alpha, "L_grad_mu": self.beta, "L_Landmark": self.gamma}
 
+    def losses(self, mean_square, mean_gradient, off):
+        """The paper's loss and its terms, name -> number, from the means of |mu|^2 and of |grad
+        mu|^2 over the disk, L_mu and L_grad_mu, and from the landmarks' distances `off` (M,):
+        `L_Landmark = mean off^2`, `L_CP = alpha L_mu + beta L_grad_mu + gamma L_Landmark`. Source:
+        paper, eqs. muloss, musmooth, lmloss, RegLoss."""
+        mismatch = (off**2).mean() if len(off) else 0.0
+        terms = dict(zip(self.factors, map(float, (mean_square, mean_gradient, mismatch))))
+        return terms | {"L_CP": sum(factor * terms[name] for name, factor in self.factors.items())}
+
 
 @dataclass(frozen=True, eq=False)
 class Problem:
@@ -63,7 +72,7 @@ class Problem:
     disk: the moving surface's `Disk`, its boundary on the unit circle; moving, target (M,) complex:
     landmarks p in that disk and q in the control's; curve (M,) int: which curve each belongs to, in
     order; sliding: inner points of a curve may move along their target curve, where a method can
-    let them; fewest: how many landmarks there must be; pair: the `SurfacePair` of pair.py
+    let them; fewest: how many landmarks there must be; pair: the `SurfacePair` of start.py
     for methods that look at folds or areas, or None; its moving surface is the disk's. A method
     returns f (V,) complex: where each vertex lies in the control's disk. LandmarkError for unusable
     landmarks.
@@ -78,8 +87,51 @@ class Problem:
     pair: object = None
 
     def __post_init__(self):
-        landmarks = check_landmarks(self.moving, self.target, self.curve, self.sliding, self.fewest)
-        vars(self).update(zip(("moving", "target", "curve"), landmarks))
+        try:
+            moving = np.atleast_1d(complex_numbers(self.moving, "moving landmarks"))
+            target = np.atleast_1d(complex_numbers(self.target, "target landmarks"))
+        except BeltramiError as error:
+            raise LandmarkError(str(error)) from None
+        if moving.ndim != 1 or moving.shape != target.shape or len(moving) < self.fewest:
+            raise LandmarkError(
+                f"{moving.shape} moving and {target.shape} target landmarks: give one target a "
+                "landmark"
+            )
+        # Landmarks lie in the closed disk, and no two in one place.
+        for name, points in (("moving", moving), ("target", target)):
+            outside = np.flatnonzero(~(abs(points) <= 1 + 1e-9))
+            if len(outside):
+                raise LandmarkError(
+                    f"{name} landmarks {outside[:5].tolist()} are not in the closed unit disk "
+                    f"({points[outside[0]]:.4g}); map them with the surface's disk map first"
+                )
+            order = np.lexsort((points.imag, points.real))
+            twice = np.flatnonzero(abs(np.diff(points[order])) < 1e-12)
+            if len(twice):
+                first, second = sorted(order[twice[0] : twice[0] + 2].tolist())
+                raise LandmarkError(
+                    f"{name} landmarks {first} and {second} coincide at {points[first]:.4g}; drop "
+                    "one of them (a bijection cannot part or merge points)"
+                )
+        # Each belongs to a curve: to the only one, unless labels are given.
+        if self.curve is None and self.sliding:
+            raise LandmarkError(
+                "sliding landmarks need the curve each belongs to: give curve (M,) of integer "
+                "labels"
+            )
+        try:
+            curve = np.zeros(len(moving), int) if self.curve is None else np.asarray(self.curve)
+        except ValueError:
+            raise LandmarkError(
+                "curve labels are lists of unequal lengths: give integers (M,)"
+            ) from None
+        if curve.dtype.kind not in "iu":
+            raise LandmarkError(f"curve labels have type {curve.dtype}: give integers (M,)")
+        if curve.shape != moving.shape:
+            raise LandmarkError(
+                f"{curve.shape} curve labels for {len(moving)} landmarks: give one label a landmark"
+            )
+        vars(self).update(moving=moving, target=target, curve=curve)
 
     @cached_property
     def samples(self):
@@ -91,57 +143,6 @@ class Problem:
         """(a, theta) of the best Möbius map of these landmarks, the distinct ones of a pair, where
         a fit begins; without any, identity."""
         return best_mobius(self.moving, self.target) if len(self.moving) else (0j, 0.0)
-
-
-def check_landmarks(moving, target, curve, sliding, fewest):
-    """Landmarks as complex arrays and curve labels, or LandmarkError."""
-    try:
-        moving = np.atleast_1d(complex_numbers(moving, "moving landmarks"))
-        target = np.atleast_1d(complex_numbers(target, "target landmarks"))
-    except BeltramiError as error:
-        raise LandmarkError(str(error)) from None
-    if moving.ndim != 1 or moving.shape != target.shape or len(moving) < fewest:
-        raise LandmarkError(
-            f"{moving.shape} moving and {target.shape} target landmarks: give one target a landmark"
-        )
-    for name, points in (("moving", moving), ("target", target)):
-        outside = np.flatnonzero(~(abs(points) <= 1 + 1e-9))
-        if len(outside):
-            raise LandmarkError(
-                f"{name} landmarks {outside[:5].tolist()} are not in the closed unit disk "
-                f"({points[outside[0]]:.4g}); map them with the surface's disk map first"
-            )
-        order = np.lexsort((points.imag, points.real))
-        twice = np.flatnonzero(abs(np.diff(points[order])) < 1e-12)
-        if len(twice):
-            first, second = sorted(order[twice[0] : twice[0] + 2].tolist())
-            raise LandmarkError(
-                f"{name} landmarks {first} and {second} coincide at {points[first]:.4g}; drop one "
-                "of them (a bijection cannot part or merge points)"
-            )
-    if curve is None and sliding:
-        raise LandmarkError(
-            "sliding landmarks need the curve each belongs to: give curve (M,) of integer labels"
-        )
-    curve = np.zeros(len(moving), int) if curve is None else label_array(curve)
-    if curve.shape != moving.shape:
-        raise LandmarkError(
-            f"{curve.shape} curve labels for {len(moving)} landmarks: give one label a landmark"
-        )
-    return moving, target, curve
-
-
-def label_array(curve):
-    """Curve labels as an array of integers, or LandmarkError."""
-    try:
-        labels = np.asarray(curve)
-    except ValueError:
-        raise LandmarkError(
-            "curve labels are lists of unequal lengths: give integers (M,)"
-        ) from None
-    if labels.dtype.kind not in "iu":
-        raise LandmarkError(f"curve labels have type {labels.dtype}: give integers (M,)")
-    return labels
 
 
 def is_finite(value):

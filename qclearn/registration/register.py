@@ -18,9 +18,9 @@ from .diagnose import diagnose_landmarks
 from .features import FOLDS, check_features, featured
 from .fit import checked, fit_with_fallbacks
 from .networks import TOLERANCE, certified_network_map, gamma_messages, predicted
-from .pair import SurfacePair, align_disks, sample_landmarks
 from .problem import DELTA, DELTA_BY_DISKS, ETA, LandmarkError, Weights
 from .report import report_of
+from .start import SurfacePair, align_disks, sample_landmarks
 from .uncertainty import check_uncertainty, uncertainty_of, uncertainty_report
 
 STAGES = {"exact": (6, 7), "network": (10, 9)}  # how many run without and with features

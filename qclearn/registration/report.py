@@ -168,12 +168,9 @@ def measured_losses(problem, weights, mu, mapped):
     """
     disk = problem.disk
     nodal = disk.to_vertices @ mu
-    terms = {
-        "L_mu": float(disk.areas @ abs(mu) ** 2) / np.pi,
-        "L_grad_mu": float((nodal.conj() @ (disk.laplace @ nodal)).real) / np.pi,
-        "L_Landmark": float((abs(mapped - problem.target) ** 2).mean()),
-    }
-    return terms | {"L_CP": sum(factor * terms[name] for name, factor in weights.factors.items())}
+    mean_square = disk.areas @ abs(mu) ** 2 / np.pi
+    mean_gradient = (nodal.conj() @ (disk.laplace @ nodal)).real / np.pi
+    return weights.losses(mean_square, mean_gradient, abs(mapped - problem.target))
 
 
 def log2_distortions(surface, points):

@@ -5,7 +5,7 @@ import numpy as np
 from scipy import sparse
 
 from ..plane.linear import opposite_edges, three_a_row
-from .features import Image
+from .features import vertex_slopes
 
 TANGENTIAL_WEIGHT = 0.1  # of a sliding landmark's residual along its target curve
 
@@ -27,13 +27,10 @@ class LandmarkTerm:
                 self.tangent[inner] = along / abs(along)
                 self.weights[0, inner] = TANGENTIAL_WEIGHT
 
-    def components(self, change, gamma):
-        """Complex changes of the points (M, ...) as scaled residual components (2 M, ...)."""
-        return self.jacobian(change.real, change.imag, gamma)
-
     def residual(self, points, gamma):
         """Components (2 M,) of mapped points (M,) less their targets."""
-        return self.components(points - self.target, gamma)
+        off = points - self.target
+        return self.components(off.real, off.imag, gamma)
 
     def rows(self, samples, gamma):
         """Sparse complex R (2 M, N) for points `samples @ w`: the components change by `Re(conj(R)
@@ -43,11 +40,11 @@ class LandmarkTerm:
         scale = np.sqrt(gamma / self.count)
         return (sparse.diags_array(scale * turns) @ sparse.vstack([samples, samples])).tocsr()
 
-    def jacobian(self, by_re, by_im, gamma, slope=1.0):
-        """Components (2 M, ...) from the parts Re f and Im f of changes, or from their gradients,
-        (M, ...) each, of points with `dw = slope df`."""
+    def components(self, by_re, by_im, gamma):
+        """Components (2 M, ...) from the parts Re w and Im w of changes, or from their gradients,
+        (M, ...) each."""
         shape = (-1,) + (1,) * (by_re.ndim - 1)
-        turn = (self.tangent.conj() * slope).reshape(shape)
+        turn = self.tangent.conj().reshape(shape)
         along, across = (part.reshape(shape) for part in self.weights)
         along = along * (turn.real * by_re - turn.imag * by_im)
         across = across * (turn.imag * by_re + turn.real * by_im)
@@ -83,19 +80,22 @@ class FeatureTerm:
     """
 
     def __init__(self, features, sigma, delta, places=None, judges=None):
-        self.places = places or Places(features.disk)
-        some, areas = judges or (slice(None), features.areas)
-        here, there = features.at(sigma)
-        self.here, self.image = here[some], Image(features.disk, there)
+        self.disk, self.places = features.disk, places or Places(features.disk)
+        self.here, self.there = features.at(sigma)
+        self.slopes, areas = vertex_slopes(features.disk, self.there), features.areas
+        if judges is not None:
+            some, areas = judges
+            self.here = self.here[some]
         self.scale = np.sqrt(delta * areas[:, None] * features.feature_weights)
 
     def residual(self, f):
         """`sqrt(delta a_c w_k) (s_c - t_c)`, (C V,), feature after feature, for a map f (N,)."""
-        return (self.scale * (self.here - self.image.at(self.places.locate(f)))).T.ravel()
+        there = self.disk.interpolate(self.there, self.places.locate(f))
+        return (self.scale * (self.here - there)).T.ravel()
 
     def rows(self, f):
         """Sparse complex R (C V, N): the residual changes by `Re(conj(R) df)`."""
-        slopes = -self.scale * self.image.slopes(self.places.locate(f))
+        slopes = -self.scale * self.disk.interpolate(self.slopes, self.places.locate(f))
         rows = sparse.vstack([sparse.diags_array(column) for column in slopes.T])
         if self.places.samples is not None:
             rows = rows @ self.places.samples

@@ -18,9 +18,8 @@ from scipy import linalg
 from ..surfaces.units import size_of
 from .diagnose import with_folds
 from .features import FINEST, FOLDS
-from .fit import limited
 from .gauss_newton import MOBIUS_PRIOR, ProductStep
-from .multiresolution import GUIDES, Level, MultiresolutionFit, Progress, start_field
+from .levels import GUIDES, Level, MultiresolutionFit, feature_levels, start_field
 from .problem import LandmarkError
 from .report import quantile
 
@@ -174,15 +173,15 @@ def stiffer(problem, weights, features, fit):
 
     Without landmarks it begins at the fit: the best Möbius map may be in another valley.
     """
-    levels = limited(GUIDES, problem.disk)
+    levels = feature_levels(problem.disk, GUIDES)
     weights = replace(weights, beta=STIFFER * weights.beta)
     multiresolution, resumed = MultiresolutionFit(problem), None
     if not len(problem.moving):
         first = multiresolution.objective(levels[0], weights, features)
         nu = start_field(problem.disk, fit.mu, first.coefficient_mesh.mesh)
-        resumed = Progress(first, first.at(nu, fit.mobius))
+        resumed = first, first.at(nu, fit.mobius)
     objective, state, _ = multiresolution.run(levels, weights, None, features, resumed=resumed)
-    return objective.discretization.interpolation @ state.f
+    return objective.moved(state)
 
 
 def calibrated():

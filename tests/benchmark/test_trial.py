@@ -16,7 +16,7 @@ from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.grids import polar, polar_disk
 from qclearn.plane.mobius import mobius
 from qclearn.registration.curves import curves_of_both, detect_curves
-from qclearn.registration.pair import sample_lines
+from qclearn.registration.start import sample_lines
 from qclearn.surfaces.surface import Surface
 
 RINGS, SPOKES = 14, 42

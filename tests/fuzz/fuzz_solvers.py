@@ -187,7 +187,7 @@ def register_case(rng):
         }
         curves.append({"name": f"c{k}", **ends})
     problems = []  # of landmarks, as they are stated
-    with patch("qclearn.registration.pair.Problem", lambda *given: problems.append(Problem(*given)) or problems[-1]):
+    with patch("qclearn.registration.start.Problem", lambda *given: problems.append(Problem(*given)) or problems[-1]):
         result = qc.register(*sides, {"curves": curves}, features=None, accept_suspect=True)
     return (sides[0].faces, result.disk_map, result.report["bijective"], above(problems[-1], result.disk_map))
 

@@ -16,8 +16,8 @@ from qcbook.live import GIVEN, given
 from qclearn.plane.grids import POWER, polar
 from qclearn.plane.solver import CoefficientMesh, on_itself
 from qclearn.registration import gauss_newton
-from qclearn.registration.gauss_newton import Discretization, GaussNewtonObjective
-from qclearn.registration.multiresolution import FIRST_GAMMA
+from qclearn.registration.gauss_newton import GaussNewtonObjective
+from qclearn.registration.levels import FIRST_GAMMA
 from qclearn.registration.problem import Problem, Weights
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -98,11 +98,11 @@ def fit_in_steps(asked, on_coarse, on_fine):
     points = numbers(asked["moving"]), numbers(asked["target"])
     problem = Problem(FINE_MESH, *points, np.array(asked["curve"]), asked["sliding"])
     weights = Weights(asked["alpha"], asked["beta"], asked["gamma"])
-    coarse = WholeSteps(Discretization(problem, on_itself(polar(12)), on_nu_mesh=True), weights)
+    coarse = WholeSteps(problem, on_itself(polar(12)), weights, on_nu_mesh=True)
     state, gamma = (coarse.at(np.zeros(len(COARSE_MESH.z), complex), problem.mobius), weights.gamma / 10)
     levels = 10.0 ** np.arange(np.log10(min(FIRST_GAMMA, gamma)), np.log10(gamma) - 1e-9)
     state = steps(coarse, state, [*levels, *[gamma] * (on_coarse - len(levels))])
-    fine = WholeSteps(Discretization(problem, CoefficientMesh(FINE_MESH, FINE_MESH), on_nu_mesh=False), weights)
+    fine = WholeSteps(problem, CoefficientMesh(FINE_MESH, FINE_MESH), weights, on_nu_mesh=False)
     nu = COARSE_MESH.interpolation(FINE_MESH.z) @ state.nu
     return fine, steps(fine, fine.at(nu, state.mobius), [weights.gamma] * on_fine)
 

@@ -13,7 +13,7 @@ from qclearn.plane.grids import Spectrum, polar_disk, square_disk
 from qclearn.plane.mobius import best_mobius, mobius
 from qclearn.plane.solver import CoefficientMesh
 from qclearn.registration.fit import exact_map, fit_problem
-from qclearn.registration.gauss_newton import Discretization, GaussNewtonObjective
+from qclearn.registration.gauss_newton import GaussNewtonObjective
 from qclearn.registration.problem import Problem, Weights
 from qclearn.registration.report import measured_losses
 
@@ -51,8 +51,7 @@ def test_the_first_step_is_that_of_the_fit(spectrum):
     q = mobius(q, *best_mobius(q, p))
     coefficient_mesh = CoefficientMesh(spectrum.mesh, spectrum.mesh)
     newton = GaussNewtonObjective(
-        Discretization(Problem(Disk(*polar_disk(12, 36, 1.4)), p, q), coefficient_mesh, on_nu_mesh=True),
-        Weights(1.0, 0.1),
+        Problem(Disk(*polar_disk(12, 36, 1.4)), p, q), coefficient_mesh, Weights(1.0, 0.1), on_nu_mesh=True
     )
     change, *_ = newton.linearise(newton.at(np.zeros(len(spectrum.mesh.z), complex), (0j, 0.0)), 1e3).propose()
     nu, wanted, left = CoefficientRefinement(coefficient_mesh, spectrum, (p, q), 0.1, 1e3).born()

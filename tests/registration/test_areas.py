@@ -15,10 +15,10 @@ from qclearn.plane.mobius import mobius
 from qclearn.registration import fit as fit_module
 from qclearn.registration.features import Feature, featured
 from qclearn.registration.fit import fit_landmarks, fit_problem, fit_registration
-from qclearn.registration.multiresolution import Level, MultiresolutionFit
-from qclearn.registration.pair import SurfacePair
+from qclearn.registration.levels import Level, MultiresolutionFit
 from qclearn.registration.problem import LandmarkError, Problem, Weights
 from qclearn.registration.register import register
+from qclearn.registration.start import SurfacePair
 from qclearn.surfaces.conformal import ParameterizedSurface
 from qclearn.surfaces.surface import Surface
 
@@ -56,7 +56,7 @@ def objective_of(problem, level):
     return MultiresolutionFit(problem).objective(level, Weights(eta=0.5))
 
 
-OWN, ON_GRID = Level(8, 4.0, 4, own_mesh=True), Level(12, 4.0, 4)
+OWN, ON_GRID = Level(8, 4.0, 4, "own"), Level(12, 4.0, 4)
 
 
 @pytest.mark.parametrize("level, tolerance", [(OWN, 0.02), (ON_GRID, 0.02)])

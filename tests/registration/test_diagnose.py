@@ -26,8 +26,8 @@ from qclearn.registration.diagnose import (
     with_folds,
     worse,
 )
-from qclearn.registration.pair import SurfacePair, align_disks
 from qclearn.registration.problem import LandmarkError
+from qclearn.registration.start import SurfacePair, align_disks
 from qclearn.surfaces.conformal import ParameterizedSurface, parameterize
 from qclearn.surfaces.surface import Surface, mirror
 

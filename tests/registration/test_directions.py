@@ -5,10 +5,9 @@ import pytest
 
 import qclearn as qc
 from qclearn.io.fsaverage import fsaverage5, whole_fsaverage5
-from qclearn.registration import diagnose, features
+from qclearn.registration import diagnose, start
 from qclearn.registration.diagnose import astray, differing_walls, with_folds
-from qclearn.registration.features import crude_sphere
-from qclearn.registration.pair import SurfacePair
+from qclearn.registration.start import SurfacePair, crude_sphere
 from qclearn.surfaces.conformal import parameterize
 from qclearn.surfaces.opening import open_surface
 
@@ -49,7 +48,7 @@ def test_a_flat_surface_has_one():
 def test_a_rim_that_no_fan_can_close_stays_open(monkeypatch):
     """As of a slit that runs through its own middle: faces of the fan would have no area."""
     closed = crude_sphere(LEFT)
-    monkeypatch.setattr(features, "degenerate_faces", lambda *mesh: np.arange(1))
+    monkeypatch.setattr(start, "degenerate_faces", lambda *mesh: np.arange(1))
     left_open = crude_sphere(LEFT)
     assert 0 < np.linalg.norm(left_open - closed, axis=1).mean() < 0.2
 

@@ -95,7 +95,7 @@ def test_few_vertices_of_a_large_surface_judge_as_all_do(monkeypatch):
     places = Places(DISK, DISK.interpolation(Z[some]))
     judged = (FeatureTerm(every, 30.0, 1.0, places, judges).residual(0.9 * Z) ** 2).sum()
     assert judged == pytest.approx(whole, rel=0.03)
-    assert features().judges(4.0)[0] == slice(None)
+    assert len(features().judges(4.0)[0]) == len(Z)
 
 
 def test_weights_are_shares():

@@ -2,6 +2,8 @@
 found again."""
 
 from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,11 +14,11 @@ from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.mobius import compose_mobius, mobius, mobius_inverse
 from qclearn.plane.solver import CoefficientMesh
-from qclearn.registration import gauss_newton
+from qclearn.registration import fit, gauss_newton, levels
 from qclearn.registration.features import Feature, featured, mobius_by_features
-from qclearn.registration.fit import fit_problem, fit_registration, mobius_instead
-from qclearn.registration.gauss_newton import Discretization, GaussNewtonObjective
-from qclearn.registration.multiresolution import (
+from qclearn.registration.fit import fit_problem, fit_registration
+from qclearn.registration.gauss_newton import GaussNewtonObjective
+from qclearn.registration.levels import (
     LARGE_LEVELS,
     LEVELS,
     Level,
@@ -68,9 +70,9 @@ def equations():
     rng = np.random.default_rng(1)
     mesh = Disk(*polar_disk(5, 15))
     moving, target = 0.7 * np.exp(1j * np.arange(4)), 0.6 * np.exp(1j * np.arange(4) + 0.2j)
-    discretization = Discretization(Problem(MOVING, moving, target), CoefficientMesh(mesh, mesh), on_nu_mesh=True)
     features = FeatureTerm(features_of(TWIST), 16.0, 0.5, Places(CONTROL, mesh.interpolation(MOVING.z)))
-    objective = GaussNewtonObjective(discretization, Weights(1.0, 0.02, 1e2, 0.5), features)
+    problem, weights = Problem(MOVING, moving, target), Weights(1.0, 0.02, 1e2, 0.5)
+    objective = GaussNewtonObjective(problem, CoefficientMesh(mesh, mesh), weights, True, features)
     nu = 0.2 * (rng.normal(size=len(mesh.z)) + 1j * rng.normal(size=len(mesh.z)))
     state = objective.at(nu, (0.1 - 0.05j, 0.2))
     return objective, state, objective.linearise(state, 1e2)
@@ -146,7 +148,7 @@ def test_features_lead_between_the_landmarks():
     p = np.linspace(-0.6, 0.6, 9) + 0.05j
     problem, weights = Problem(MOVING, p, TWIST(p)), Weights(gamma=1e4, delta=1.0)
     alone, both = (fit_problem(problem, weights), fit_registration(problem, weights, features_of(TWIST)))
-    errors = [abs(fit.f - TWIST(MOVING.z)).mean() for fit in (alone, both)]
+    errors = [abs(one.f - TWIST(MOVING.z)).mean() for one in (alone, both)]
     assert errors[1] < errors[0] / 3 and both.landmark_error < 5e-3 and both.bijective
 
 
@@ -155,10 +157,10 @@ def test_coarse_features_guide_with_less_weight_and_the_whole_is_asked_for_at_la
     multiresolution, features = (MultiresolutionFit(Problem(MOVING, 0.6 * t, 0.5 * t)), features_of(TWIST))
     asked = Weights(gamma=1e5, delta=1.0)
     scales = [level.sigma for level in LEVELS]
-    assert scales == sorted(scales, reverse=True) and scales[0] == 32 and LEVELS[-1].own_mesh
+    assert scales == sorted(scales, reverse=True) and scales[0] == 32 and LEVELS[-1].mesh == "own"
     for level in LEVELS:
         objective = multiresolution.objective(level, asked, features)
-        assert objective.weights.gamma == (1e5 if level.own_mesh else 1e2)
+        assert objective.weights.gamma == (1e5 if level.mesh == "own" else 1e2)
         delta = (objective.feature_term.scale**2).sum()
         assert delta == pytest.approx(0.3 if level.sigma >= 16 else 1.0)
     small = multiresolution.objective(LEVELS[0], Weights(gamma=10.0, delta=0.1), features)
@@ -191,17 +193,14 @@ LARGE_DISK = Disk(*polar_disk(100, 201))  # 20,101 vertices
 P = np.array([0.5, 0.4j, -0.3 - 0.4j, 0.2 - 0.5j, -0.6 + 0.1j])
 
 
-def standing(rings, levels=LARGE_LEVELS):
-    """The levels of a large surface with a polar mesh of so many rings in its place."""
-    return [level._replace(proxy_rings=rings if level.proxy_rings else 0) for level in levels]
-
-
 def fitted(levels):
-    return fit_registration(Problem(MOVING, P, TWIST(P)), Weights(delta=1.0), features_of(TWIST), levels=levels)
+    return fit_registration(
+        Problem(MOVING, P, TWIST(P)), Weights(delta=1.0), features_of(TWIST), levels=[Level(8, 4.0, 0, "own")]
+    )
 
 
-def final_objective(fit):
-    return fit.losses["L_CP"] + fit.losses["L_features"]
+def final_objective(one):
+    return one.losses["L_CP"] + one.losses["L_features"]
 
 
 @pytest.fixture(scope="module")
@@ -209,33 +208,41 @@ def usual():
     return fitted(LEVELS)
 
 
-def test_a_polar_mesh_stands_for_a_surface_that_is_then_solved_on_once(usual):
-    found = fitted(standing(24))
+@pytest.fixture
+def rings(monkeypatch):
+    """Lets a polar mesh of so many rings stand for the surface."""
+    return partial(monkeypatch.setattr, levels, "PROXY_RINGS")
+
+
+def test_a_polar_mesh_stands_for_a_surface_that_is_then_solved_on_once(usual, rings):
+    rings(24)
+    found = fitted(LARGE_LEVELS)
     assert found.steps[-2] > 0 and found.steps[-1] == 0 and found.bijective and found.fallbacks == ()
     assert abs(found.f - usual.f).mean() < 2e-3 and found.f.shape == MOVING.z.shape
     assert final_objective(found) < 1.05 * final_objective(usual)
 
 
-def test_steps_on_the_surface_follow_where_what_stands_for_it_misleads(usual):
-    found = fitted(standing(4))
-    blind = fitted([level._replace(skip_ratio=np.inf if level.skip_ratio else 0.0) for level in standing(4)])
+def test_steps_on_the_surface_follow_where_what_stands_for_it_misleads(usual, rings, monkeypatch):
+    rings(4)
+    found = fitted(LARGE_LEVELS)
+    monkeypatch.setattr(levels, "SKIP_RATIO", np.inf)
+    blind = fitted(LARGE_LEVELS)
     assert found.steps[-1] > 0 and found.bijective and final_objective(found) < 1.05 * final_objective(usual)
     assert blind.steps[-1] == 0 and final_objective(blind) > 1.1 * final_objective(usual)
 
 
-def test_landmarks_alone_are_fitted_on_what_stands_for_a_large_surface():
+def test_landmarks_alone_are_fitted_on_what_stands_for_a_large_surface(rings):
+    rings(32)
     problem, weights = Problem(MOVING, P, TWIST(P)), Weights(gamma=1e2)
-    objective, state, steps = MultiresolutionFit(problem).run(standing(32, landmark_levels(LARGE_DISK, 16)), weights)
+    objective, state, steps = MultiresolutionFit(problem).run(landmark_levels(LARGE_DISK, 16), weights)
     assert steps[-2] > 0 and steps[-1] == 0 and objective.problem is problem
     assert objective.value(state, 1e2) == pytest.approx(fit_problem(problem, weights).losses["L_CP"], rel=0.05)
 
 
 def test_only_a_large_surface_has_a_polar_mesh_stand_for_it():
-    assert feature_levels(MOVING) is LEVELS and not any(
-        level.proxy_rings for level in (*LEVELS, *landmark_levels(MOVING, 16))
-    )
-    for levels in (feature_levels(LARGE_DISK), list(landmark_levels(LARGE_DISK, 16))):
-        assert levels[-2].proxy_rings == 64 and levels[-1].own_mesh and levels[-1].skip_ratio == 1.05
+    for disk, large in ((MOVING, False), (LARGE_DISK, True)):
+        for some in (feature_levels(disk), landmark_levels(disk, 16)):
+            assert ("proxy" in [level.mesh for level in some]) == large and some[-1].mesh == "own"
 
 
 def test_without_weight_features_change_nothing():
@@ -248,24 +255,33 @@ def test_without_weight_features_change_nothing():
 def test_a_fit_above_the_best_mobius_map_is_not_returned():
     """No steps, and a field to start from that helps nothing."""
     start = 0.6 * np.exp(9j * MOVING.centroids.real)
-    fit = fit_registration(
-        no_landmarks(), Weights(delta=0.3), features_of(TWIST), start, levels=[Level(8, 4.0, 0, True)]
+    found = fit_registration(
+        no_landmarks(), Weights(delta=0.3), features_of(TWIST), start, levels=[Level(8, 4.0, 0, "own")]
     )
-    np.testing.assert_allclose(fit.f, MOVING.z, atol=1e-12)
-    assert fit.fallbacks == ("the fit ended above the best Möbius map: that map is returned",)
+    np.testing.assert_allclose(found.f, MOVING.z, atol=1e-12)
+    assert found.fallbacks == ("the fit ended above the best Möbius map: that map is returned",)
 
 
 def test_an_objective_that_is_no_number_is_not_below(monkeypatch):
     monkeypatch.setattr("qclearn.registration.gauss_newton.GaussNewtonObjective.value", lambda *_: np.nan)
-    levels = [Level(8, 4.0, 0, True)]
-    fit = fit_registration(no_landmarks(), Weights(delta=0.3), features_of(TWIST), levels=levels)
-    assert fit.fallbacks == ("the fit ended above the best Möbius map: that map is returned",)
+    found = fit_registration(no_landmarks(), Weights(delta=0.3), features_of(TWIST), levels=[Level(8, 4.0, 0, "own")])
+    assert found.fallbacks == ("the fit ended above the best Möbius map: that map is returned",)
 
 
 @pytest.mark.parametrize("plain, fitted, words", [(1, 1, "that"), (0, 0, "that"), (1, 0, "that"), (0, 1, "kept")])
-def test_a_mobius_map_that_alone_folds_the_mesh_is_not_returned(twisted, plain, fitted, words):
-    mobius_map, fit = (replace(twisted, bijective=bool(plain)), replace(twisted, bijective=bool(fitted)))
-    found = mobius_instead(fit, mobius_map)
+def test_a_mobius_map_that_alone_folds_the_mesh_is_not_returned(twisted, plain, fitted, words, monkeypatch):
+    fits = [replace(twisted, bijective=bool(one)) for one in (fitted, plain)]
+    monkeypatch.setattr(fit, "report_fit", lambda *_: fits.pop(0))
+    values = iter([2.0, 1.0])
+    above = SimpleNamespace(
+        problem=no_landmarks(),
+        weights=Weights(),
+        spent=False,
+        feature_term=True,
+        at_mobius=lambda _: None,
+        value=lambda *_: next(values),
+    )
+    found = fit.better(above, None, (1, 1))
     assert found.bijective == bool(plain or fitted)
     assert found.fallbacks[-1].startswith(f"the fit ended above the best Möbius map: {words}")
 
@@ -276,8 +292,8 @@ def test_features_without_weight_are_refused():
 
 
 def test_a_large_delta_is_told():
-    fit = fit_registration(no_landmarks(), Weights(delta=11.0), features_of(TWIST), levels=[Level(8, 16.0, 1, True)])
-    assert fit.fallbacks == ("delta = 11 overfits: choose it by held-out curves",)
+    found = fit_registration(no_landmarks(), Weights(delta=11.0), features_of(TWIST), levels=[Level(8, 16.0, 1, "own")])
+    assert found.fallbacks == ("delta = 11 overfits: choose it by held-out curves",)
 
 
 @pytest.mark.parametrize("delta", [-0.1, np.nan, np.inf, "0.3", None])

@@ -20,7 +20,7 @@ from qclearn.plane.mobius import best_mobius, mobius
 from qclearn.plane.solver import CoefficientMesh
 from qclearn.registration import register as pipeline
 from qclearn.registration.fit import fit_landmarks
-from qclearn.registration.gauss_newton import Discretization, DualStep, GaussNewtonObjective
+from qclearn.registration.gauss_newton import DualStep, GaussNewtonObjective
 from qclearn.registration.problem import LandmarkError, Problem, Weights
 from qclearn.registration.report import measured_losses
 from qclearn.registration.transfer import transfer
@@ -144,7 +144,7 @@ def test_the_work_of_a_fit_of_wrong_landmarks_is_bounded():
             self.most_work = min(self.most_work, 20.0)
             objectives.append(self)
 
-    with patch("qclearn.registration.multiresolution.GaussNewtonObjective", Watched):
+    with patch("qclearn.registration.levels.GaussNewtonObjective", Watched):
         fit = fit_landmarks(*COARSE, p, q, gamma=1e5)
     assert objectives[-1].spent and fit.bijective and fit.fallbacks[-1].startswith("the fit was stopped")
 
@@ -174,9 +174,7 @@ def test_a_damped_step_is_shorter_and_turns_to_the_steepest_descent():
 def test_damped_steps_without_a_jacobian_are_shorter():
     disk = Disk(*COARSE)
     problem = Problem(disk, 0.5 * TURN, 0.45 * TURN * np.exp(0.2j * TURN.real))
-    objective = GaussNewtonObjective(
-        Discretization(problem, CoefficientMesh(disk, polar(4)), on_nu_mesh=False), Weights()
-    )
+    objective = GaussNewtonObjective(problem, CoefficientMesh(disk, polar(4)), Weights(), on_nu_mesh=False)
     step = objective.linearise(
         objective.at(np.full(len(objective.coefficient_mesh.mesh.z), 0.1 + 0.2j), (0.1j, 0.2)), 50.0
     )

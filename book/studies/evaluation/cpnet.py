@@ -25,7 +25,7 @@ from qclearn.plane.mobius import best_mobius, mobius
 from qclearn.plane.solver import DiskSolver
 from qclearn.registration.curves import sample_curve
 from qclearn.registration.fit import exact_map, fit_problem, moved_map
-from qclearn.registration.multiresolution import Level, MultiresolutionFit
+from qclearn.registration.levels import Level, MultiresolutionFit
 from qclearn.registration.networks import predicted
 from qclearn.registration.problem import Problem, Weights, distinct
 from qclearn.registration.report import measured_losses
@@ -165,7 +165,7 @@ def stepped(problem, weights, steps=3):
     """The first Gauss-Newton steps by adjoint solves, from nu = 0 and at the whole gamma: (seconds
     so far, map)."""
     start, mesh = time.process_time(), polar(*COARSE)
-    level = Level(COARSE[0], None, steps, min_predicted_decrease=0.0)
+    level = Level(COARSE[0], None, steps)
     objective = MultiresolutionFit(problem).objective(level, weights)
     to_faces = mesh.interpolation(problem.disk.centroids)
     state = objective.at(np.zeros(len(mesh.z), complex), problem.mobius)

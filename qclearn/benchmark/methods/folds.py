@@ -5,8 +5,8 @@ from dataclasses import replace
 from ...plane.mobius import mobius
 from ...registration import diagnose
 from ...registration.fit import fit_with_fallbacks
-from ...registration.pair import align_disks, sample_landmarks
 from ...registration.problem import DELTA, ETA, LandmarkError, Problem, Weights
+from ...registration.start import align_disks, sample_landmarks
 from ...surfaces.conformal import repair_folds
 from .solver import warn_of
 

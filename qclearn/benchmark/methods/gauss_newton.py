@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_limits
 from ...plane.coefficients import bounded, unbounded
 from ...plane.grids import COARSE, FINE, polar
 from ...registration.fit import exact_map, fit_problem
-from ...registration.multiresolution import Level, MultiresolutionFit, run_level
+from ...registration.levels import Level, MultiresolutionFit, run_level
 from ...registration.problem import Weights
 from .solver import warn_of
 
@@ -48,11 +48,15 @@ def few_steps(problem, mu, steps, weights):
 
     The solve fits the disk Möbius map again. A RepairWarning says if rows were switched.
     """
-    level = Level(FINE[0], None, steps, min_predicted_decrease=0.0)
     mesh = polar(*FINE)
-    objective = MultiresolutionFit(problem).objective(level, weights)
+    objective = MultiresolutionFit(problem).objective(Level(FINE[0], None, steps), weights)
     begin = objective.at(mesh.to_vertices @ unbounded(mu), (0j, 0.0))
-    state, _ = run_level(objective, objective.aligned(begin), level)
+    state = objective.aligned(begin)
+    for _ in range(steps):
+        after = objective.step(state, weights.gamma)
+        if after is None:
+            break
+        state = after
     result = exact_map(problem, bounded(mesh.interpolation(problem.disk.centroids) @ state.nu))
     warn_of(result.fallbacks)
     return result.f

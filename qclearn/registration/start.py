@@ -1,0 +1,310 @@
+"""Where a registration starts: two surfaces aligned by a Möbius map, `SurfacePair`, the landmarks
+sampled on both, `SampledLandmarks`, and for a fit without landmarks two starts, by features and by
+`Directions`, the surfaces' places in space."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+import scipy
+from jaxtyping import Complex
+from numpy import ndarray
+from scipy import sparse
+
+from ..plane.linear import degenerate_faces, heat_flow
+from ..plane.mobius import best_mobius, mobius
+from ..surfaces.conformal import ParameterizedSurface, apply_mobius
+from ..surfaces.surface import Surface, closing_fans
+from .curves import POINTS_PER_CURVE, curve_lines, resample, sample_curve
+from .features import (
+    HEAT_STEPS,
+    HEMISPHERE,
+    PLACED,
+    POINTS,
+    SCALE,
+    FeatureError,
+    Features,
+    best_by_features,
+    mobius_by_features,
+    standardised,
+)
+from .levels import COARSE_MM, run_level
+from .problem import LandmarkError, Problem, distinct, meeting
+
+# Crude spheres: the scale in mm at which a hemisphere has no folds and still its shape; degrees by
+# which they are turned about each axis of space, from coarse to fine; cells per radius of the grid
+# in which nearest vertices are looked up.
+ROUND = 20.0
+TURNS = (32, 16, 8, 4, 2)
+CELLS = 48
+APART = 0.15  # mean distance in the disk of two starts that are tried both
+
+
+@dataclass(frozen=True, eq=False)
+class SurfacePair:
+    """Two `ParameterizedSurface`s, the `Curve`s to fit, those held out, and `Features` or None."""
+
+    moving: ParameterizedSurface
+    control: ParameterizedSurface
+    curves: list
+    held: list
+    features: Features | None = None
+
+    @cached_property
+    def directions(self):
+        """The features' `Directions`, which lay the surfaces on each other by places in space."""
+        return Directions(self.features, self.moving.surface, self.control.surface)
+
+    @property
+    def messages(self):
+        """What was repaired in the two disk maps."""
+        return [
+            f"{name}: {message}"
+            for name in ("moving", "control")
+            for message in getattr(self, name).messages
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class SampledLandmarks:
+    """The landmarks of a `SurfacePair`: ten per curve, equally spaced by arc length, ends included.
+
+    problem: the `Problem` of the distinct ones; samples: sparse (10 K, V) and (10 K, W), moving and
+    control; mobius_before: (a, theta) of the best Möbius map of all 10 K, with the least `mean
+    |M(p) - q|^2`, the identity without curves; a report's `_before` is after it (a fit begins at
+    `Problem.mobius`, of the distinct ones); lines, held: name -> (moving, control) line of a fitted
+    or held-out curve in the disks; messages: on failed detection.
+    """
+
+    problem: Problem
+    samples: tuple
+    mobius_before: tuple
+    lines: dict
+    held: dict
+    messages: list
+
+    @cached_property
+    def map_before(self) -> Complex[ndarray, " V"]:
+        """The moving vertices after `mobius_before`."""
+        return mobius(self.problem.disk.z, *self.mobius_before)
+
+
+def align_disks(pair):
+    """The pair with its moving disk aligned to the control's by a Möbius map: of the points that
+    its curves give, or without curves of its features."""
+    if pair.curves:
+        return replace(pair, moving=align(pair.moving, pair.control, pair.curves))
+    parameters = mobius_by_features(pair.features, pair.moving.disk.z)
+    moving = apply_mobius(pair.moving, parameters)
+    if not moving.is_embedded:
+        raise FeatureError(
+            "the features pull the moving disk onto its rim; give a landmark curve or two"
+        )
+    return replace(pair, moving=moving)
+
+
+def align(moving, control, curves):
+    """The moving `ParameterizedSurface` after the Möbius map that best carries the given points of
+    `Curve`s to the control's: of their ends, or of whole paths where both sides have these. It
+    changes the disk itself; the best Möbius maps of a `Problem` and of `SampledLandmarks` come
+    after it."""
+    p, q = [], []
+    for curve in curves:
+        whole = min(len(curve.moving), len(curve.control)) > 2
+        count = POINTS_PER_CURVE if whole else 2
+        p.append(sample_curve(moving.surface, curve.moving, count) @ moving.disk.z)
+        q.append(sample_curve(control.surface, curve.control, count) @ control.disk.z)
+    aligned = apply_mobius(moving, best_mobius(np.concatenate(p), np.concatenate(q)))
+    if not aligned.is_embedded:
+        # At fault is the curve without which the map of the others moves 0 the least.
+        shifts = []
+        for k in range(len(curves)):
+            others = [np.concatenate([*side[:k], *side[k + 1 :], []]) for side in (p, q)]
+            shifts.append(abs(best_mobius(*others)[0]) if len(curves) > 1 else 0.0)
+        raise LandmarkError(
+            f"curve {curves[np.argmin(shifts)].name!r} pulls the moving disk onto its rim: no room "
+            "is left for the rest; check this curve's ends on both sides, keep them off the rim, "
+            "or give curves elsewhere as well"
+        )
+    return aligned
+
+
+def sample_landmarks(pair, detect=None, sliding=False):
+    """The `SampledLandmarks` of an aligned `SurfacePair`; where only a curve's ends are given, the
+    path between them is detected by `detect`, or else a shortest path."""
+    moving = pair.moving
+    control = pair.control
+    held, _ = lines_by_name(pair, pair.held)
+    if not pair.curves:
+        problem = Problem(moving.disk, [], [], fewest=0, pair=pair)
+        return SampledLandmarks(problem, (), problem.mobius, {}, held, [])
+    lines, messages = lines_by_name(pair, pair.curves, detect)
+    lines_moving, lines_control = zip(*lines.values())
+    samples = sample_lines(moving, lines_moving), sample_lines(control, lines_control)
+    p = samples[0] @ moving.disk.z
+    q = samples[1] @ control.disk.z
+    # A point that curves share is one landmark of the fit.
+    once = distinct_landmarks(pair.curves, p, q)
+    problem = Problem(moving.disk, p[once], q[once], once // POINTS_PER_CURVE, sliding, pair=pair)
+    return SampledLandmarks(problem, samples, best_mobius(p, q), lines, held, messages)
+
+
+def lines_by_name(pair, curves, detect=None):
+    """name -> (moving, control) line of `Curve`s in both disks of a pair, and messages."""
+    moving, messages = curve_lines(pair.moving, curves, "moving", detect)
+    control, more = curve_lines(pair.control, curves, "control", detect)
+    names = [curve.name for curve in curves]
+    return dict(zip(names, zip(moving, control))), messages + more
+
+
+def sample_lines(own, lines):
+    """Landmarks of K lines in the disk of a `ParameterizedSurface`: sparse (10 K, V)."""
+    stops = np.cumsum([0, *map(len, lines)])
+    corners = own.disk.interpolation(np.concatenate(lines))
+    matrices = [
+        resample(own.surface, corners[start:stop], POINTS_PER_CURVE)
+        for start, stop in pairwise(stops)
+    ]
+    return sparse.vstack(matrices).tocsr()
+
+
+def distinct_landmarks(curves, p, q):
+    """The landmarks of (10 K,) to fit, (k,) int: `distinct`, or LandmarkError where two meet on one
+    side only."""
+    meet_p = meeting(p)
+    torn = np.argwhere(meet_p != meeting(q))
+    if len(torn):
+        first, second = (curves[k // POINTS_PER_CURVE].name for k in torn[0])
+        side = "moving" if meet_p[tuple(torn[0])] else "control"
+        raise LandmarkError(
+            f"curves {first!r} and {second!r} share a point on the {side} side only, and a "
+            "bijection cannot part points; let them meet on both sides or on neither"
+        )
+    return distinct(p, q)
+
+
+class Directions(Features):
+    """Features that lead from afar: the vertices' places on `crude_sphere`s, as smooth as they
+    are, the moving ones after the rotation by which the features at SCALE agree best.
+
+    r: their mean correlation then; mirrored_r: if the moving side is mirrored.
+    """
+
+    def __init__(self, features, moving, control):
+        self.smoothings, self.disk, self.areas = features.smoothings, features.disk, features.areas
+        self.feature_weights = np.ones(3) / 3
+        here, there = (
+            crude_sphere(surface, side.few(ROUND)[1])
+            for surface, side in zip((moving, control), features.smoothings)
+        )
+        search = RotationSearch(features, there)
+        self.mirrored_r, _ = search.best(here * [-1, 1, 1])
+        self.r, rotated = search.best(here)
+        self.spheres = rotated, there
+
+    def at(self, sigma):
+        """Places on the unit sphere (V, 3) and (W, 3)."""
+        return self.spheres
+
+
+class RotationSearch:
+    """Rotations of a moving sphere onto a control's (W, 3), tried on POINTS of its vertices."""
+
+    def __init__(self, features, there):
+        here, values = features.at(SCALE)
+        self.some = np.random.default_rng(0).choice(len(here), POINTS, p=features.areas)
+        few, _ = features.smoothings[1].few(SCALE)
+        self.here, self.values = here[self.some] * features.feature_weights / POINTS, values[few]
+        # Many rotations ask for the nearest vertex to each cell of a grid on the sphere.
+        cells = np.indices((2 * CELLS + 1,) * 3).reshape(3, -1).T / CELLS - 1
+        near = abs(np.linalg.norm(cells, axis=1) - 1) < 1 / CELLS
+        self.nearest = np.zeros(len(cells), int)
+        self.nearest[near] = scipy.spatial.KDTree(there[few]).query(cells[near])[1]
+
+    def best(self, sphere):
+        """The features' correlation after the best rotation of a sphere (V, 3) about the axes of
+        space by up to TURNS in all, and the sphere after it."""
+        Rotation = scipy.spatial.transform.Rotation
+        best, r = Rotation.identity(), -np.inf
+        for turn in TURNS:
+            # From coarse to fine: a grid of rotations around the best one so far.
+            steps = turn * (np.arange(-2, 3) / 2 if turn == TURNS[0] else np.arange(-1, 2) / 2)
+            grid = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3)
+            tried = Rotation.from_euler("xyz", grid, degrees=True) * best
+            places = np.einsum("rij,pj->rpi", tried.as_matrix(), sphere[self.some])
+            cells = np.rint((places + 1) * CELLS).astype(int)
+            nearest = self.nearest[cells @ [(2 * CELLS + 1) ** 2, 2 * CELLS + 1, 1]]
+            found = np.einsum("rpc,pc->r", self.values[nearest], self.here)
+            if found.max() > r:
+                r, best = float(found.max()), tried[int(found.argmax())]
+        return r, best.apply(sphere)
+
+
+def crude_sphere(surface, spread=None):
+    """The vertices of a surface cut open at one rim on the unit sphere (V, 3), from their places
+    alone.
+
+    A fan closes the rim, and the places follow the closed surface's heat flow to the scale ROUND;
+    centred, with deviation 1 along each axis of space, they are taken to the sphere from its
+    centre. Sides that lie in space alike lie alike on their spheres, wherever they were cut.
+    spread: of `Smoothing.few`, whose vertices then carry the heat.
+    """
+    count = len(surface.vertices)
+    places, fan = closing_fans(surface)
+    # A slit's rim may have faces without area in its fan; it needs none.
+    slit = len(degenerate_faces(places, fan)) > 0
+    closed = surface if slit else Surface(places, np.vstack([surface.faces, fan]))
+    areas = closed.vertex_areas / closed.area
+    mass, time = sparse.diags_array(areas), ROUND**2 / HEMISPHERE / (2 * HEAT_STEPS)
+    places = closed.vertices - areas @ closed.vertices
+    flow = mass, time * closed.stiffness, mass @ places
+    if spread is None:
+        places = heat_flow(*flow, HEAT_STEPS)
+    else:
+        spread = sparse.block_diag([spread, np.eye(len(places) - count)]).tocsr()
+        small = (spread.T @ part @ spread for part in flow[:2])
+        places = spread @ heat_flow(*small, spread.T @ flow[2], HEAT_STEPS)
+    places = standardised(places, areas)[:count]
+    return places / np.maximum(np.linalg.norm(places, axis=1, keepdims=True), np.finfo(float).tiny)
+
+
+def from_two_starts(multiresolution, levels, weights, features):
+    """The fit of a problem without landmarks, as of `MultiresolutionFit.run`, and a message on its
+    start.
+
+    Where two surfaces are cut elsewhere their disks differ by more than a Möbius map, and folds
+    lead it into valleys that are not theirs. A second fit begins where `Directions` lead. Unless it
+    lies near the first, the one whose objective is lower after the guiding levels goes on.
+    """
+    z = multiresolution.problem.disk.z
+    guiding = [level for level in levels if level.mesh == "nu" and (level.sigma or 0) >= COARSE_MM]
+    rest = levels[len(guiding) :]
+    if not guiding:
+        return multiresolution.run(levels, weights, features=features), ""
+
+    # The crude spheres lead the map from their best Möbius map on.
+    directions = multiresolution.problem.pair.directions
+    leading = multiresolution.objective(guiding[0], weights, directions)
+    nothing = np.zeros(len(leading.coefficient_mesh.mesh.z), complex)
+    state = leading.at(nothing, best_by_features(directions, z, PLACED))
+    state, _ = run_level(leading, state, guiding[0])
+    apart = features.areas @ abs(leading.moved(state) - z)
+    resumed = leading, state
+    best = multiresolution.run(guiding, weights, features=features, resumed=resumed)
+    message = f"by crude spheres, {apart:.2g} in the disk from the best Möbius map of features"
+
+    # Far from the best Möbius map of features: fit from there as well, and take the better of both.
+    if apart >= APART:
+        other = multiresolution.run(guiding, weights, features=features)
+        values = [one.value(state, one.weights.gamma) for one, state, _ in (best, other)]
+        names = ("spheres", "features")
+        lower = int(values[1] < values[0])
+        best = (best, other)[lower]
+        message = (
+            f"by {names[lower]} (objective {values[lower]:.4g}), not by {names[1 - lower]} "
+            f"(objective {values[1 - lower]:.4g})"
+        )
+    resumed, taken = best[:2], best[2]
+    objective, state, steps = multiresolution.run(rest, weights, features=features, resumed=resumed)
+    return (objective, state, taken + steps), message
