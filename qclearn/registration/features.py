@@ -244,7 +244,8 @@ class Match:
         self.scale = np.sqrt(features.feature_weights / len(some))
 
     def __call__(self, parameters):
-        w = mobius(self.z, *(part[:, None] for part in parameters))
+        z = np.tile(self.z, (len(parameters[0]), 1))
+        w = mobius(z, *(part[:, None] for part in parameters))
         places = self.disk.locate(w.ravel())
         shape = *w.shape, -1
         there, slopes = (

@@ -47,7 +47,7 @@ def test_heat_flow_damps_an_eigenfunction_of_the_disk_as_its_eigenvalue_says(mon
     monkeypatch.setattr("qclearn.registration.features.clipped", lambda values, *_: values)
     expected = (1 + k**2 * time / 4) ** -4
     assert 0.6 < expected < 0.9
-    np.testing.assert_allclose(smoothing.heat(sigma), expected * wave, atol=1e-2)
+    np.testing.assert_allclose(smoothing.smoothed(sigma), expected * wave, atol=1e-2)
 
 
 def test_features_are_standardised_by_area_and_know_no_units():

@@ -193,10 +193,8 @@ LARGE_DISK = Disk(*polar_disk(100, 201))  # 20,101 vertices
 P = np.array([0.5, 0.4j, -0.3 - 0.4j, 0.2 - 0.5j, -0.6 + 0.1j])
 
 
-def fitted(levels):
-    return fit_registration(
-        Problem(MOVING, P, TWIST(P)), Weights(delta=1.0), features_of(TWIST), levels=[Level(8, 4.0, 0, "own")]
-    )
+def fitted(some):
+    return fit_registration(Problem(MOVING, P, TWIST(P)), Weights(delta=1.0), features_of(TWIST), levels=some)
 
 
 def final_objective(one):
@@ -272,7 +270,7 @@ def test_an_objective_that_is_no_number_is_not_below(monkeypatch):
 def test_a_mobius_map_that_alone_folds_the_mesh_is_not_returned(twisted, plain, fitted, words, monkeypatch):
     fits = [replace(twisted, bijective=bool(one)) for one in (fitted, plain)]
     monkeypatch.setattr(fit, "report_fit", lambda *_: fits.pop(0))
-    values = iter([2.0, 1.0])
+    values = iter([1.0, 2.0])  # of the Möbius map, and of the fit
     above = SimpleNamespace(
         problem=no_landmarks(),
         weights=Weights(),
