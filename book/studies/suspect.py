@@ -147,7 +147,7 @@ def outcome(result, moving):
         "suspect": report["suspect"],
         "bijective": report["bijective"],
         "rows": max(switched, default=0) / len(moving.vertices),
-        "strong_area": diagnose.strong_share(moving, result.mu),
+        "strong_area": moving.face_areas[abs(result.mu) > diagnose.LIMITS["strong_mu"]].sum() / moving.area,
     }
     if report["curves"]:
         millimetres = [row["landmark_error_mm"] for row in report["curves"]]

@@ -1,10 +1,11 @@
 """Figures of one map for a row of the benchmark, and the difference of two runs' figures."""
 
 import numpy as np
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from ..plane.linear import corner_angles, edge_lengths, face_areas
-from ..registration.curves import edge_graph, weigh_edges
+from ..registration.curves import weigh_edges
 from ..registration.report import SMALLEST_RATIO, coefficient_statistics
 
 
@@ -41,7 +42,8 @@ def landmark_measures(mapped, target, off_mm):
 def near_curves(surface, curves, reach):
     """Whether vertices (V,) lie within `reach` of one of the curves (vertex paths) along the
     surface's edges."""
-    graph = edge_graph(surface, weigh_edges(surface, np.ones(len(surface.vertices))))
+    lengths = weigh_edges(surface, np.ones(len(surface.vertices)))
+    graph = csr_array((lengths, tuple(surface.edges.T)), shape=(len(surface.vertices),) * 2)
     starts = np.unique(np.concatenate(curves))
     return dijkstra(graph, directed=False, indices=starts, limit=reach, min_only=True) <= reach
 

@@ -50,10 +50,17 @@ def named_sulci(hemisphere, original_indices):
         message = f"fsaverage5 has no hemisphere '{hemisphere}'"
         raise SurfaceError(f"{message}; hemispheres are left and right")
     original_indices = np.asarray(original_indices)
-    sulci = _record("sulci")["sulci"]
-    sulci = {name: entry[hemisphere] for name, entry in sulci.items()}
-    ends = {name: entry["vertices"] for name, entry in sulci.items()}
-    return {name: _renumbered(name, pair, original_indices) for name, pair in ends.items()}
+    ends = {}
+    for name, entry in _record("sulci")["sulci"].items():
+        vertices = np.array(entry[hemisphere]["vertices"])
+        ends[name] = tuple(places_of(vertices, original_indices).tolist())
+        if min(ends[name]) < 0:
+            lacking = vertices[np.array(ends[name]) < 0].tolist()
+            raise SurfaceError(
+                f"{name}: vertices {lacking} of the closed fsaverage5 are cut away; cut less, and "
+                "pass this surface's indices"
+            )
+    return ends
 
 
 def demo_landmarks() -> dict:
@@ -65,17 +72,6 @@ def demo_landmarks() -> dict:
     ends = {name: (list(moving[name]), list(control[name])) for name in control}
     curves = [{"name": name, "moving": a, "control": b} for name, (a, b) in ends.items()]
     return {"curves": curves}
-
-
-def _renumbered(name, vertices, original_indices):
-    places = places_of(np.array(vertices), original_indices).tolist()
-    lacking = [vertex for vertex, place in zip(vertices, places) if place < 0]
-    if lacking:
-        raise SurfaceError(
-            f"{name}: vertices {lacking} of the closed fsaverage5 are cut away; cut less, and pass "
-            "this surface's indices"
-        )
-    return tuple(places)
 
 
 @cache

@@ -158,18 +158,14 @@ def weigh_edges(surface, cost):
     return length * (cost[first] + cost[second]) / 2
 
 
-def edge_graph(surface, lengths):
-    """The graph of a surface's edges with their lengths (E,): sparse (V, V)."""
-    return sparse.csr_array((lengths, tuple(surface.edges.T)), shape=(len(surface.vertices),) * 2)
-
-
 def fundus_path(
     surface: Surface, start: int, end: int, metric: Float[ndarray, " E"] | None = None
 ) -> Integer[ndarray, " k"]:
     """Vertex path of a sulcus between two endpoints: the shortest one in `fundus_metric` (computed
     if not given), or LandmarkError where they coincide or are out of range."""
     check_path(surface, np.array([start, end]))
-    graph = edge_graph(surface, fundus_metric(surface) if metric is None else metric)
+    lengths = fundus_metric(surface) if metric is None else metric
+    graph = sparse.csr_array((lengths, tuple(surface.edges.T)), shape=(len(surface.vertices),) * 2)
     _, previous = dijkstra(graph, directed=False, indices=int(start), return_predecessors=True)
     # From the end back along the tree of predecessors.
     path = [int(end)]
@@ -272,7 +268,34 @@ def check_curves(curves, moving, control, fewest=1):
         raise LandmarkError(
             'landmarks hold no curves: give at least one {"name", "moving", "control"}'
         )
-    checked = [_check_entry(number, entry, moving, control) for number, entry in enumerate(curves)]
+    surfaces = {"moving": moving, "control": control}
+    checked = []
+    for number, entry in enumerate(curves):
+        keys = set(entry) if isinstance(entry, dict) else set()
+        if not {"name", "moving", "control"} <= keys <= CURVE_KEYS:
+            found = sorted(map(str, keys)) or type(entry).__name__
+            raise LandmarkError(
+                f"curve {number} has {found}; it needs name, moving, control and may have detect, "
+                "hold_out"
+            )
+        name = entry["name"]
+        detect = entry.get("detect", True)
+        hold_out = entry.get("hold_out", False)
+        if not (isinstance(name, str) and isinstance(detect, bool) and isinstance(hold_out, bool)):
+            raise LandmarkError(
+                f"curve {number}: name must be text, and detect and hold_out true or false"
+            )
+        paths = {}
+        for side, surface in surfaces.items():
+            try:
+                paths[side] = check_path(surface, entry[side])
+            except LandmarkError as error:
+                other = OTHER_SIDE[side]
+                hint = _other_numbers(entry[side], surface, other, surfaces[other])
+                raise LandmarkError(f"curve {name!r}, {side} side: {error}{hint}") from None
+        # Two vertices are a path's ends, unless the file says that they are the path.
+        by_side = {side: detect and len(path) == 2 for side, path in paths.items()}
+        checked.append(Curve(name, **paths, detect=by_side, hold_out=hold_out))
     names = [curve.name for curve in checked]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -334,35 +357,6 @@ def _stated(mark):
     """A side's count and hash for a message."""
     formats = {"vertices": "{} vertices", "sha256": "sha256 {}"}
     return ", ".join(formats[key].format(str(value)[:12]) for key, value in mark.items())
-
-
-def _check_entry(number, entry, moving, control):
-    """An entry of a landmarks file as a `Curve`, or LandmarkError."""
-    if not isinstance(entry, dict) or not {"name", "moving", "control"} <= set(entry) <= CURVE_KEYS:
-        keys = sorted(map(str, entry)) if isinstance(entry, dict) else type(entry).__name__
-        raise LandmarkError(
-            f"curve {number} has {keys}; it needs name, moving, control and may have detect, "
-            "hold_out"
-        )
-    name = entry["name"]
-    detect = entry.get("detect", True)
-    hold_out = entry.get("hold_out", False)
-    if not isinstance(name, str) or not all(isinstance(flag, bool) for flag in (detect, hold_out)):
-        raise LandmarkError(
-            f"curve {number}: name must be text, and detect and hold_out true or false"
-        )
-    surfaces = {"moving": moving, "control": control}
-    paths = {}
-    for side, surface in surfaces.items():
-        try:
-            paths[side] = check_path(surface, entry[side])
-        except LandmarkError as error:
-            other = OTHER_SIDE[side]
-            hint = _other_numbers(entry[side], surface, other, surfaces[other])
-            raise LandmarkError(f"curve {name!r}, {side} side: {error}{hint}") from None
-    # Two vertices are a path's ends, unless the file says that they are the path.
-    by_side = {side: detect and len(path) == 2 for side, path in paths.items()}
-    return Curve(name, **paths, detect=by_side, hold_out=hold_out)
 
 
 def _other_numbers(path, surface, other_side, other):

@@ -153,13 +153,11 @@ def diagnose_ends(pair):
 
 def given_hypothesis(pair):
     """The landmarks of a `SurfacePair` as given."""
-    p, q = (getattr(pair, side).disk.z[ends(pair.curves, side)] for side in SIDES)
+    p, q = (
+        getattr(pair, side).disk.z[[curve.path(side)[[0, -1]] for curve in pair.curves]]
+        for side in SIDES
+    )
     return LandmarkHypothesis(p, q, np.arange(len(p)), np.zeros(len(p), bool))
-
-
-def ends(curves, side):
-    """First and last vertices of the `Curve`s of one side, (K, 2) int."""
-    return np.array([curve.path(side)[[0, -1]] for curve in curves])
 
 
 def best_hypothesis(hypotheses):
@@ -206,7 +204,9 @@ def compared(given, other):
 def surface_hypotheses(given, pair):
     """Hypotheses in which the surfaces are not those that the landmarks mean."""
     z = {side: getattr(pair, side).disk.z for side in SIDES}
-    vertices = {side: ends(pair.curves, side) for side in SIDES}
+    vertices = {
+        side: np.array([curve.path(side)[[0, -1]] for curve in pair.curves]) for side in SIDES
+    }
     if len(pair.curves) >= FEWEST:
         reason = f"mirror: the curves fit the mirrored moving surface much better; {MIRROR}"
         yield replace(given, p=given.p.conj(), reason=reason)
@@ -340,17 +340,12 @@ def reasons(moving, rows, fit):
         )
 
     # Much of the surface is stretched beyond what folding explains.
-    strong = strong_share(moving, fit.mu)
+    strong = moving.face_areas[abs(fit.mu) > LIMITS["strong_mu"]].sum() / moving.area
     if strong > LIMITS["strong_area"]:
         yield (
             f"distortion: |mu| is over {LIMITS['strong_mu']} on {100 * strong:.1f} % of the moving "
             "surface; check the curves, or lower gamma"
         )
-
-
-def strong_share(moving, mu):
-    """Share of the moving surface's area with |mu| over LIMITS["strong_mu"]."""
-    return float(moving.face_areas[abs(mu) > LIMITS["strong_mu"]].sum() / moving.area)
 
 
 def disagreeing(features, f, fitted):

@@ -57,36 +57,32 @@ def _conformal_map(surface):
         f = mobius(f, centring_mobius(f, share))
         f = Dirichlet(matrix, loop).solve(f[loop])
     f, switched = _centre_and_unfold(surface, matrix, share, f)
-    f = _turned(f, loop)
     messages = [finger_message(surface, finger) for finger in fingers]
     if len(switched) or free.floored.any():
         messages.append(
             f"conformal map: to keep every triangle positive, boundary steps raised: "
             f"{int(free.floored.sum())}, rows switched to mean-value weights: {len(switched)}"
         )
-
-    # The last resort has positive weights everywhere, and a convex boundary.
-    if not Disk(f, surface.faces).certificate.bijective:
-        matrix = uniform_matrix(surface)
-        matrix = opened_rows(surface, fingers, matrix) if fingers else matrix
-        f = _turned(Dirichlet(matrix, loop).solve(f[loop]), loop)
-        messages = messages[: len(fingers)]
-        messages += ["conformal map: it folded, so Tutte's weights everywhere: not conformal"]
-        if not Disk(f, surface.faces).certificate.bijective:
-            raise BijectivityError(
-                "no map to the disk is free of folds in double precision; remesh the surface (its "
-                "triangles may be degenerate to rounding)"
-            )
+    for last_resort in (False, True):
+        if last_resort:  # positive weights everywhere, and a convex boundary
+            matrix = uniform_matrix(surface)
+            matrix = opened_rows(surface, fingers, matrix) if fingers else matrix
+            f = Dirichlet(matrix, loop).solve(f[loop])
+            messages = messages[: len(fingers)]
+            messages += ["conformal map: it folded, so Tutte's weights everywhere: not conformal"]
+        # The first vertex of the boundary goes to 1, all of it onto the circle.
+        f = f / f[loop[0]]
+        f[loop] /= abs(f[loop])
+        if Disk(f, surface.faces).certificate.bijective:
+            break
+    else:
+        raise BijectivityError(
+            "no map to the disk is free of folds in double precision; remesh the surface (its "
+            "triangles may be degenerate to rounding)"
+        )
     for message in messages:
         warnings.warn(message, RepairWarning, stacklevel=3)
     return f, np.concatenate([np.zeros(0, int), *fingers])
-
-
-def _turned(f, loop):
-    """The map turned so that the first vertex of the boundary lies at 1, all on the circle."""
-    f = f / f[loop[0]]
-    f[loop] /= abs(f[loop])
-    return f
 
 
 def _centre_and_unfold(surface, matrix, share, f):

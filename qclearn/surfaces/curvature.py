@@ -69,13 +69,9 @@ def mean_curvature(surface: Surface) -> Float[ndarray, " V"]:
     parts = np.cross(to_next, to_last) / (next_squared * last_squared)[..., None]
     normal = np.stack([np.bincount(faces.ravel(), parts[..., k].ravel()) for k in range(3)], axis=1)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
-    return _fill_boundary(surface, np.vecdot(pull, normal) / (2 * area))
-
-
-def _fill_boundary(surface, values):
-    """The values with those of the boundary replaced by means over known neighbours, from the
-    inside outward."""
-    known = np.ones(len(values), bool)
+    curvature = np.vecdot(pull, normal) / (2 * area)
+    # The boundary takes means over known neighbours, from the inside outward.
+    known = np.ones(len(curvature), bool)
     for loop in surface.boundary_loops:
         known[loop] = False
     if not known.any():
@@ -84,14 +80,14 @@ def _fill_boundary(surface, values):
         )
     a, b = surface.edges.T
     places = np.r_[a, b], np.r_[b, a]
-    neighbours = coo_array((np.ones(2 * len(a)), places), shape=(len(values),) * 2).tocsr()
-    values = np.where(known, values, 0.0)
+    neighbours = coo_array((np.ones(2 * len(a)), places), shape=(len(known),) * 2).tocsr()
+    curvature = np.where(known, curvature, 0.0)
     while not known.all():
         count = neighbours @ known.astype(float)
         fresh = ~known & (count > 0)
-        values[fresh] = (neighbours @ values)[fresh] / count[fresh]
+        curvature[fresh] = (neighbours @ curvature)[fresh] / count[fresh]
         known |= fresh
-    return values
+    return curvature
 
 
 @_once
