@@ -76,8 +76,13 @@ def read_measured(name, path=None):
     if path is None:
         return read_json(RESULTS / f"{name}.json", name)
     figures = read_json(path, name)
-    if name in OWN:
-        check_version(path, figures)
+    version = figures.get("schema_version") if isinstance(figures, dict) else None
+    if name in OWN and version != SCHEMA_VERSION:
+        content = "no results of this program"
+        if version is not None:
+            content = f"results of schema version {version}"
+        advice = "run the benchmark again, or use the version that wrote the file"
+        raise BenchmarkError(f"{path}: {content}; this version reads {SCHEMA_VERSION}: {advice}")
     check_schema(path, figures, name)
     return figures
 
@@ -91,16 +96,6 @@ def read_json(path, name):
         raise BenchmarkError(
             f"{path}: not a JSON file ({error}); give a file that `{WRITERS[name]}` wrote"
         ) from None
-
-
-def check_version(path, results):
-    version = results.get("schema_version") if isinstance(results, dict) else None
-    if version != SCHEMA_VERSION:
-        content = "no results of this program"
-        if version is not None:
-            content = f"results of schema version {version}"
-        advice = "run the benchmark again, or use the version that wrote the file"
-        raise BenchmarkError(f"{path}: {content}; this version reads {SCHEMA_VERSION}: {advice}")
 
 
 def schema(name="benchmark"):

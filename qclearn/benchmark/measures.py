@@ -22,11 +22,6 @@ def coefficient_measures(surface, disk, mu):
     return result
 
 
-def coefficient_histogram(mu):
-    """Counts (50,) of |mu| over the faces in equal steps of [0, 1], all above in the last."""
-    return np.histogram(np.minimum(abs(mu), 1), 50, (0, 1))[0]
-
-
 def landmark_measures(mapped, target, off_mm):
     """Mean and standard deviation over landmarks of their distance from the target: in the disk,
     and in mm (M,)."""

@@ -53,15 +53,15 @@ def failures(rows, run):
     from; [] without the rotation's rows. Such a map counts for no method."""
     both = run, "rotation"
     own, first = ({row["pair"]: row for row in rows if row["run"] == name} for name in both)
-    return [pair for pair in own if pair in first and ends_worse(own[pair], first[pair])]
-
-
-def ends_worse(row, start):
-    """Whether a map's row is worse than that of its start, by the ground truth or, where there is
-    none, by the held-out curves."""
-    key = "held_out_mm" if row.get("correspondence_mm") is None else "correspondence_mm"
-    known = row.get(key) is not None and start.get(key) is not None
-    return known and row[key] > start[key]
+    lost = []
+    for pair in [pair for pair in own if pair in first]:
+        # By the ground truth or, where there is none, by the held-out curves.
+        known = own[pair].get("correspondence_mm") is not None
+        key = "correspondence_mm" if known else "held_out_mm"
+        ends, begins = own[pair].get(key), first[pair].get(key)
+        if None not in (ends, begins) and ends > begins:
+            lost.append(pair)
+    return lost
 
 
 MAIN = ("landmark_error", "mean_abs_mu", "correspondence_sulci_mm")
@@ -72,7 +72,7 @@ def summary(rows):
     name, its SD as "sd_of_" and the name (`MAIN` figures always, None where no pair has one);
     medians "seconds" of the map, and "stages"."""
     table = {}
-    numbers = [key for row in rows for key, value in row.items() if is_number(value)]
+    numbers = [key for row in rows for key, value in row.items() if type(value) in (int, float)]
     figures = dict.fromkeys([*MAIN, *numbers])
     for run in dict.fromkeys(row["run"] for row in rows):
         own = [row for row in rows if row["run"] == run]
@@ -91,7 +91,3 @@ def summary(rows):
         line["seconds"] = line["stages"].get("map")
         table[run] = line
     return table
-
-
-def is_number(value):
-    return isinstance(value, (int, float)) and not isinstance(value, bool)

@@ -44,7 +44,8 @@ def trial(pair, run, method):
             f, costs = timed(method, prepared.problem, run.parameters)
             start = time.perf_counter()
             locate = unknown(pair.control.disk).locate
-            places = image_of(pair.control, f, locate).locate(f[: len(prepared.problem.disk.z)])
+            image = image_of(pair.control, f, locate)
+            places = image.locate(f[: len(prepared.problem.disk.z)])
             costs["seconds"] |= {
                 "disk_moving": pair.moving.seconds,
                 "disk_control": pair.control.seconds,
@@ -54,7 +55,11 @@ def trial(pair, run, method):
             sides = {"moving": pair.moving.messages, "control": pair.control.messages}
             of_disks = [f"{side}: {note}" for side, notes in sides.items() for note in notes]
             costs["notes"] = [*of_disks, *prepared.notes, *costs["notes"]]
-            figures = map_figures(pair, prepared, f, locate, run.keep_field)
+            figures = map_figures(pair, prepared, f, image, places, locate)
+            if run.keep_field and f.ndim == 1 and figures["certified"]:
+                disk = prepared.problem.disk
+                there = disk.at(f).locate(polar(16).centroids)[0]
+                figures["field"] = np.round(abs(disk.coefficient(f))[there], 4)
             figures |= judge_radius(pair, run)
             figures["there_and_back_mm"] = way_back(pair, run, method, places)
             return {"status": "done"} | figures | costs
@@ -71,12 +76,15 @@ def failed(error):
 def timed(method, problem, parameters):
     """(f, costs): the map, its median time over up to REPETITIONS warm runs, and its memory.
 
-    Each run begins with nothing computed of the problem. The first is measured for memory; its time
-    counts only from LONG on.
+    The first run is measured for memory; its time counts only from LONG on.
     """
     seconds = []
     while not seconds or (sum(seconds) < LONG and len(seconds) < REPETITIONS):
-        fresh = forgotten(problem)
+        # Nothing is known of the problem's disks when a run begins.
+        sides = problem.pair.moving, problem.pair.control
+        moving, control = (replace(side, disk=unknown(side.disk)) for side in sides)
+        pair = replace(problem.pair, moving=moving, control=control)
+        fresh = replace(problem, disk=unknown(problem.disk), pair=pair)
         if "torch" in sys.modules:  # it keeps its own count of threads
             sys.modules["torch"].set_num_threads(1)
         if not seconds:
@@ -96,16 +104,6 @@ def timed(method, problem, parameters):
         "notes": notes,
         "peak_memory_mb": None if peak is None or before is None else max(0.0, peak - before),
     }
-
-
-def forgotten(problem):
-    """The problem as it is before anything is asked of its disks."""
-    moving, control = (
-        replace(side, disk=unknown(side.disk))
-        for side in (problem.pair.moving, problem.pair.control)
-    )
-    pair = replace(problem.pair, moving=moving, control=control)
-    return replace(problem, disk=unknown(problem.disk), pair=pair)
 
 
 def unknown(disk):
@@ -192,19 +190,26 @@ def memory(name, reset_peak=False):
         return None
 
 
-def map_figures(pair, prepared, f, locate, keep_field):
-    """All figures of a map f (V,) or, on the sphere, (V', 3); locate: in the control's disk."""
+def map_figures(pair, prepared, f, image, places, locate):
+    """All figures of a map f (V,) or, on the sphere, (V', 3).
+
+    image, places: what it goes into, and where there; locate: in the control's disk.
+    """
     moving = pair.moving.surface
     problem = prepared.problem
     figures = in_disk(moving, problem, f) if f.ndim == 1 else on_sphere(pair, f)
     f = f[: len(moving.vertices)]  # of a whole surface: its cortex
-    image = image_of(pair.control, f, locate)
-    places = image.locate(f)
     points = image.lift(places)
     mapped = prepared.samples @ f
     off = np.linalg.norm(image.lift(image.locate(mapped)) - prepared.target_mm, axis=1)
     figures |= measures.landmark_measures(mapped if f.ndim == 1 else np.nan, prepared.target, off)
-    figures |= true_errors(pair, f, image)
+    # Where the curves have more than ends, and the truth is not given: their true errors.
+    whole = [curve for curve in pair.curves if min(len(curve["moving"]), len(curve["control"])) > 2]
+    figures |= {"landmark_error_true": None, "landmark_error_true_mm": None}
+    if whole and pair.given != "exact":
+        plane, in_space = reference.curve_errors(pair, whole, f, image)
+        figures["landmark_error_true"] = None if plane is None else plane.mean()
+        figures["landmark_error_true_mm"] = in_space.mean()
     figures |= reference.held_out(pair, problem.pair, f, image)
     figures |= measures.distortion_measures(moving, points)
     figures |= reference.log2_means(moving, points)
@@ -221,9 +226,6 @@ def map_figures(pair, prepared, f, locate, keep_field):
         near = measures.near_curves(moving, curves, NEAR)
         figures |= measures.correspondence_measures(points, pair.truth, near)
         figures |= reference.true_map(pair, locate)
-    if keep_field and f.ndim == 1 and figures["certified"]:
-        mu = problem.disk.coefficient(f)
-        figures["field"] = np.round(abs(mu)[problem.disk.at(f).locate(polar(16).centroids)[0]], 4)
     return figures
 
 
@@ -234,7 +236,8 @@ def in_disk(moving, problem, f):
     off_circle = float(abs(abs(f[moving.boundary]) - 1).max())
     return {
         **measures.coefficient_measures(moving, problem.disk, mu),
-        "histogram": measures.coefficient_histogram(mu),
+        # Counts of |mu| over the faces in equal steps of [0, 1], all above in the last.
+        "histogram": np.histogram(np.minimum(abs(mu), 1), 50, (0, 1))[0],
         "flipped": len(certificate.flipped),
         "bijective": certificate.bijective,
         "off_circle": off_circle,
@@ -249,13 +252,3 @@ def on_sphere(pair, f):
     weighed = (f"{kind}_abs_mu_{areas}" for kind in ("mean", "sd") for areas in ("disk", "area"))
     none = dict.fromkeys((*sizes, *weighed, "histogram", "off_circle"))
     return none | {"flipped": flipped, "bijective": not flipped, "certified": not flipped}
-
-
-def true_errors(pair, f, image):
-    """A map's errors on the true curves; None where a side has ends only."""
-    whole = [curve for curve in pair.curves if min(len(curve["moving"]), len(curve["control"])) > 2]
-    if not whole or pair.given == "exact":
-        return {"landmark_error_true": None, "landmark_error_true_mm": None}
-    plane, in_space = reference.curve_errors(pair, whole, f, image)
-    error = None if plane is None else float(plane.mean())
-    return {"landmark_error_true": error, "landmark_error_true_mm": float(in_space.mean())}

@@ -134,7 +134,7 @@ def test_whatever_a_method_of_others_does_touches_no_other_row(tmp_path, folder,
 
 
 def test_a_stopped_run_goes_on(tmp_path, folder, inside, monkeypatch):
-    out, runs = tmp_path / "r.json", [Run("Möbius", "mobius_only"), Run("mine", "shrunk")]
+    out, runs = tmp_path / "r.json", [Run("Möbius", "mobius_only"), Run("thin plate", "thin_plate")]
     rows = module.finished
 
     def stop_after_one(*arguments):
@@ -180,7 +180,7 @@ def worker_processes(address, folder, count=2):
 
 def test_a_killed_worker_costs_only_its_task(tmp_path, folder, inside, monkeypatch):
     runs = [Run(f"mine {k}", "shrunk", {"shift": 0.02 * k}) for k in range(6)]
-    (row,) = small(tmp_path / "a.json", folder, runs[:1], subjects=1)["rows"]
+    row = read_measured("benchmark")["rows"][0]
     figures = {name: row[name] for name in row if name not in ("set", "pair", "run", *asdict(runs[0]))}
     specs = [Spec("cohort", f"{seed} to 2001", int, options=(seed,)) for seed in (1001, 1002)]
     monkeypatch.setattr(module, "problems", lambda *_: specs)

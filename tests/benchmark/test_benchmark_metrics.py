@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from qclearn.benchmark.measures import (
-    coefficient_histogram,
     coefficient_measures,
     correspondence_measures,
     distortion_measures,
@@ -31,11 +30,6 @@ def test_coefficients_count_by_face_by_disk_and_by_surface():
     assert found["mean_abs_mu_disk"] == pytest.approx((0.1 + 3 * 0.6) / 4)
     assert found["mean_abs_mu_area"] == pytest.approx((0.1 + 4 * 0.6) / 5)
     assert found["sd_abs_mu_area"] == pytest.approx(np.sqrt((0.4**2 + 4 * 0.1**2) / 5))
-
-
-def test_the_histogram_counts_every_face_and_folded_ones_last():
-    counts = coefficient_histogram(np.array([0, 0.01j, 0.03, -0.99, 7, np.inf]))
-    assert counts.tolist() == [2, 1, *[0] * 47, 3]
 
 
 def test_landmark_errors_have_mean_and_spread():
