@@ -7,7 +7,6 @@ import re
 import tomllib
 from pathlib import Path
 
-import pytest
 import yaml
 
 from book.builder.build_book import SITE
@@ -107,20 +106,6 @@ def test_launching_files_say_what_the_project_says():
     assert list(drifts(TEXTS)) == []
 
 
-@pytest.mark.parametrize(
-    "file, old, new, told",
-    [
-        (CONDA, "python=3.11", "python=3.12", "environment.yml has Python 3.12"),
-        (CONDA, "  - pip\n", "", "and not python and pip"),
-        (CONTAINER, "make .venv/installed", "make install", "no target install in the Makefile"),
-        (CONTAINER, "sudo .ci/packages", "sudo .ci/debian", ".ci/debian cannot be run"),
-        (CONTAINER, "whl/cpu", "whl/cu130", "more than one index of torch"),
-        (WORKFLOW, "run: .ci/run", "run: make test", "does not end with .ci/run"),
-        (WORKFLOW, "env:\n", "env:\n  SOLUTIONS: 1\n", "the site would show solutions"),
-        (GUIDE, "whl/cpu", "whl/cu130", "the wheels to download"),
-        ("book/installation.md", "torch==", "torch==1.", "installation.md has torch==1."),
-    ],
-)
-def test_a_drift_is_found(file, old, new, told):
-    assert old in TEXTS[file]
-    assert any(told in line for line in drifts(TEXTS | {file: TEXTS[file].replace(old, new)}))
+def test_a_drift_is_found():
+    drifted = TEXTS | {CONDA: TEXTS[CONDA].replace("python=3.11", "python=3.12")}
+    assert any("environment.yml has Python 3.12" in line for line in drifts(drifted))

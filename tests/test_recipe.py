@@ -14,8 +14,8 @@ from nilearn.surface import load_surf_mesh
 
 import qclearn as qc
 from book.builder.references import markdown_of
+from commands import label
 from freesurfer import GEOMETRY
-from test_whole import label
 
 WHITE = Path(nilearn.__path__[0], "datasets", "data", "fsaverage5")
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 import qclearn as qc
+from commands import run
 from known_surfaces import sphere
 from qclearn.io.mapfile import read_registration
-from test_cli import run
 
 RUN = Path(__file__).parent / "run_of_0_2"
 

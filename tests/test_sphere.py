@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import qclearn as qc
+from commands import BALL, everything, made, refused, run  # noqa: F401 (made: a fixture)
 from qclearn.io import sphere as spheres
 from qclearn.io.frames import Frame
 from qclearn.io.fsaverage import whole_fsaverage5
@@ -27,8 +28,6 @@ from qclearn.io.sphere import (
 from qclearn.plane.grids import polar_disk
 from qclearn.registration.report import distortion_maps
 from qclearn.surfaces.conformal import apply_mobius, parameterize
-from test_cli import everything, refused, run
-from test_whole import BALL, made  # noqa: F401 (a fixture)
 from workbench import unknown, workbench
 
 FILES = ["ArealDistortion.shape.gii", "ShapeDistortion.shape.gii", "sphere.reg", "sphere.reg.surf.gii"]
@@ -259,7 +258,7 @@ def test_a_surface_with_a_boundary_or_handles_has_no_sphere(maps):
         registered_sphere(maps | {"whole_faces_moving": opened}, whole_fsaverage5("left", "sphere"))
 
 
-def test_register_writes_the_sphere_and_refuses_a_wrong_one_first(made, tmp_path, capsys):  # noqa: F811
+def test_register_writes_the_sphere_and_refuses_a_wrong_one_first(made, tmp_path, capsys):
     """And a later `sphere` into its folder leaves what is there."""
     control = qc.read_surface(made / "lh.pial")
     ball = qc.Surface(control.vertices / np.linalg.norm(control.vertices, axis=1, keepdims=True), control.faces)
