@@ -10,8 +10,8 @@ from tqdm import tqdm
 
 import qclearn as qc
 
-from ..io.annotations import is_nothing
 from ..io.frames import side_of_name
+from ..io.gifti import is_nothing
 from ..io.hemisphere import frame_of_whole, opened, require_side
 from ..io.mapfile import frame_of_side, numbering_of_side, read_registration
 from ..io.meshes import frame_of, read_mesh

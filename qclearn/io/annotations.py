@@ -4,29 +4,14 @@ nibabel takes names in the order of the table, not by their index, and merges re
 """
 
 import io
-import re
 import struct
 
 import nibabel
 import numpy as np
 
 from ..surfaces.surface import SurfaceError
+from .gifti import NONE, is_nothing
 from .safe import FormatError, require_all, sound_text, text_of
-
-# Key -1 is no region; FreeSurfer and Workbench show it so.
-NONE = ("???", (1.0, 1.0, 1.0, 0.0))
-# Names of what is no region.
-_NOTHING = re.compile(
-    r"(?i)|(.*[-+_. ])?(\?\?\?|none|unknown|unassigned|unlabell?ed|background|medial[-_. ]?wall)"
-)
-
-
-def is_nothing(key, labels):
-    """Whether a key of a label table is no region: by its name, or shown by nothing among others
-    that are shown."""
-    name, colour = labels[key]
-    shown = any(colour[3] for _, colour in labels.values())
-    return _NOTHING.fullmatch(name) is not None or (shown and colour[3] == 0)
 
 
 def read(data):
@@ -46,39 +31,38 @@ def read(data):
     vertices, codes = np.frombuffer(file.read(8 * count), ">i4").reshape(-1, 2).T
     if not np.array_equal(np.sort(vertices), np.arange(count)):
         raise FormatError("its vertices are not numbered from 0 on, each once")
-    # the table: entries in any order that name their index, or, in the first version, do not
+    # the table's entries name their index, in any order, or, in the first version, do not
     tag, entries = number(), number()
     indexed = entries == -2
     if indexed:
         number()  # one more than the last index
     text()  # the table's file
-    labels, indices = {}, {}  # indices: of each colour
+    labels, indices = {-1: NONE}, {}  # indices: of each colour
     for place in range(number() if indexed else entries):
         index, name, colour = number() if indexed else place, text(), [number() for _ in range(4)]
         if index in labels or index < 0:
             raise FormatError(f"entry {index} of its table is no index, or is there twice")
         labels[index] = name, (*(part / 255 for part in colour[:3]), 1 - colour[3] / 255)
         indices.setdefault(int.from_bytes(bytes(colour[:3]), "little"), []).append(index)
-    if tag != 1 or not labels:
+    if tag != 1 or not indices:
         raise FormatError("it has no colour table")
     # black is also the colour of vertices without a region
-    black = [index for index in indices.get(0, ()) if not _NOTHING.fullmatch(labels[index][0])]
-    indices[0] = black or [-1]
+    indices[0] = [index for index in indices.get(0, ()) if not is_nothing(index, labels)] or [-1]
     # each vertex gets the one region of its colour
     used, places = np.unique(codes, return_inverse=True)
     for code in used.tolist():
-        names = {labels[index][0] for index in indices.get(code, ()) if index >= 0}
-        if code not in indices:
-            raise FormatError(f"the colour {code} of a vertex is not among its {len(labels)} names")
+        names = sorted({labels[index][0] for index in indices.get(code, ())})
+        if not names:
+            raise FormatError(f"the colour {code} of a vertex is that of none of its regions")
         if len(names) > 1:
             raise SurfaceError(
-                f"its regions {' and '.join(map(repr, sorted(names)))} have one colour, "
+                f"its regions {' and '.join(map(repr, names))} have one colour, "
                 f"{list(code.to_bytes(3, 'little'))}, by which alone a vertex names its region; "
                 "give each its own, and make the annotation again"
             )
     keys = np.empty(count, dtype=np.int64)
     keys[vertices] = np.array([indices[code][0] for code in used.tolist()])[places]
-    return keys, {-1: NONE} | labels
+    return keys, labels
 
 
 def write(path, values, labels):
@@ -88,19 +72,17 @@ def write(path, values, labels):
     distinct where two regions have the same, since a vertex keeps its region's colour alone; black
     would be none.
     """
-    none = [
-        key
-        for key, (_, colour) in labels.items()
-        if key < 0 or (key == 0 == colour[3] and is_nothing(0, labels))
-    ]
-    keys = sorted(set(labels) - set(none))
-    table = []
+    nothing = 0 in labels and labels[0][1][3] == 0 and is_nothing(0, labels)
+    keys = sorted(key for key in labels if key > 0 or (key == 0 and not nothing))
+    table, seen = [], {(0, 0, 0)}
     for key in keys:
         red, green, blue, alpha = np.rint(np.multiply(labels[key][1], 255)).astype(int).tolist()
-        while (red, green, blue) in [(0, 0, 0), *(tuple(row[:3]) for row in table)]:
+        while (red, green, blue) in seen:
             blue = (blue + 1) % 256
             green = (green + (blue == 0)) % 256
+        seen.add((red, green, blue))
         table.append([red, green, blue, 255 - alpha, 0])
-    places = np.where(np.isin(values, none), -1, np.searchsorted(keys, values))
+    places = np.where(np.isin(values, keys), np.searchsorted(keys, values), -1)
     names = [sound_text(labels[key][0]) for key in keys]
-    nibabel.freesurfer.write_annot(path, places, np.array(table), names, fill_ctab=True)
+    table = np.array(table).reshape(-1, 5)
+    nibabel.freesurfer.write_annot(path, places, table, names, fill_ctab=True)

@@ -14,7 +14,6 @@ from nibabel.gifti import GiftiCoordSystem, GiftiImage, GiftiMetaData
 from nibabel.gifti.parse_gifti_fast import GiftiImageParser
 
 from ..surfaces.surface import SurfaceError
-from .annotations import NONE, is_nothing
 from .frames import ANATOMICAL, SHAPES, TKR, Frame, agreed_side, kind_of_name, sound_volume
 from .safe import FormatError, LeftOutWarning, sound_text
 
@@ -32,6 +31,21 @@ _COUNT = "QclearnWholeVertices"
 _NODE_INDEX = nibabel.nifti1.intent_codes["NIFTI_INTENT_NODE_INDEX"]
 _LABEL = nibabel.nifti1.intent_codes["NIFTI_INTENT_LABEL"]
 _MOST_LABELS = 4096  # whole numbers of more values than that are no regions
+
+# Key -1 is no region; FreeSurfer and Workbench show it so.
+NONE = ("???", (1.0, 1.0, 1.0, 0.0))
+# Names of what is no region.
+_NOTHING = re.compile(
+    r"(?i)|(.*[-+_. ])?(\?\?\?|none|unknown|unassigned|unlabell?ed|background|medial[-_. ]?wall)"
+)
+
+
+def is_nothing(key, labels):
+    """Whether a key of a label table is no region: by its name, or shown by nothing among others
+    that are shown."""
+    name, colour = labels[key]
+    shown = any(colour[3] for _, colour in labels.values())
+    return _NOTHING.fullmatch(name) is not None or (shown and colour[3] == 0)
 
 
 class _Parser(GiftiImageParser):
