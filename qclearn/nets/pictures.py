@@ -62,17 +62,12 @@ def turn(images, points, generator):
 
     Exact on pixels. Reflections too, as a mirrored right hemisphere is as good as a left one.
     """
-
-    def chosen(like):
-        choice = torch.rand(len(images), generator=generator).to(images.device) < 0.5
-        return choice.view(-1, *[1] * (like.ndim - 1))
-
     for change, move in (
         (lambda x: x.flip(3), lambda w: -w.conj()),
         (lambda x: x.flip(2), lambda w: w.conj()),
         (lambda x: x.transpose(2, 3), lambda w: 1j * w.conj()),
     ):
-        choice = chosen(images)
-        images = torch.where(choice, change(images), images)
+        choice = torch.rand(len(images), generator=generator).to(images.device) < 0.5
+        images = torch.where(choice.view(-1, 1, 1, 1), change(images), images)
         points = torch.where(choice.view(-1, *[1] * (points.ndim - 1)), move(points), points)
     return images, points

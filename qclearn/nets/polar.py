@@ -94,7 +94,16 @@ class PolarSolver:
         """The normalised maps (B, V) from (B, 2, nr, nt) inside and (B, 2, 1, nt) on the circle."""
         inner = torch.cat([f[:, :, 0].mean(-1, keepdim=True), f[:, :, 1:].flatten(2)], 2)
         parts = inner, boundary[:, :, 0]
-        return _normalise(*(torch.complex(*part.unbind(1)) for part in parts))
+        inner, boundary = (torch.complex(*part.unbind(1)) for part in parts)
+        # The Möbius map that takes f(0) to 0; beyond the disk f is folded, and the circle must not
+        # turn over.
+        a = inner[:, :1]
+        a = torch.where(a.abs() < 1, a, torch.zeros_like(a))
+        inner, boundary = ((w - a) / (1 - a.conj() * w) for w in (inner, boundary))
+        # The turn that takes f(1) to 1.
+        turn = (boundary[:, :1] / boundary[:, :1].abs()).conj()
+        boundary = boundary[:, 1:] * turn
+        return torch.cat([inner * turn, torch.ones_like(turn), boundary / boundary.abs()], 1)
 
 
 class PolarSystem:
@@ -161,7 +170,13 @@ class PolarSystem:
 def _edge_weights(mu, rows, tables):
     m = rows.real**2 + rows.imag**2
     if not (m < 1).all():
-        _refuse(mu, ~(m.flatten(1) < 1))
+        bad = ~(m.flatten(1) < 1)
+        sample, face = bad.nonzero()[0].tolist()
+        raise BeltramiError(
+            f"|mu| < 1 fails on {int(bad.sum())} faces (first: sample {sample}, face {face}, mu = "
+            f"{mu[sample, face].item():.3g}); no orientation-preserving map has such a "
+            "coefficient: truncate or repair mu there"
+        )
     cos, sin = tables["turn"]
     # In the frame of the spoke.
     re = rows.real * cos - rows.imag * sin
@@ -177,26 +192,6 @@ def _edge_weights(mu, rows, tables):
     spoke = torch.cat([fan, spoke[:, 1::2] + spoke[:, 2::2].roll(1, -1)], 1)
     arc = torch.cat([none, torch.cat([arc[:, :1], arc[:, 1:-2:2]], 1) + arc[:, 2::2]], 1)
     return spoke, arc, torch.cat([none, diagonal[:, 1::2] + diagonal[:, 2::2]], 1)
-
-
-def _refuse(mu, bad):
-    sample, face = bad.nonzero()[0].tolist()
-    raise BeltramiError(
-        f"|mu| < 1 fails on {int(bad.sum())} faces (first: sample {sample}, face {face}, mu = "
-        f"{mu[sample, face].item():.3g}); no orientation-preserving map has such a coefficient: "
-        "truncate or repair mu there"
-    )
-
-
-def _normalise(inner, boundary):
-    """The Möbius map after f to f(0) = 0 and f(1) = 1."""
-    a = inner[:, :1]
-    # beyond, f is folded and the circle must not turn over.
-    a = torch.where(a.abs() < 1, a, torch.zeros_like(a))
-    inner, boundary = ((w - a) / (1 - a.conj() * w) for w in (inner, boundary))
-    turn = (boundary[:, :1] / boundary[:, :1].abs()).conj()
-    boundary = boundary[:, 1:] * turn
-    return torch.cat([inner * turn, torch.ones_like(turn), boundary / boundary.abs()], 1)
 
 
 def _edge_tables(gradients, areas):
