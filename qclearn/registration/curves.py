@@ -63,7 +63,8 @@ def sample_curve(
     out of range.
     """
     path = check_path(surface, path)
-    return resample(surface, sparse.eye_array(len(surface.vertices), format="csr")[path], count)
+    at_path = sparse.eye_array(len(surface.vertices), format="csr")[path]
+    return (equally_spaced(surface.vertices[path], count) @ at_path).tocsr()
 
 
 def curves_of_both(moving, control):
@@ -81,20 +82,13 @@ def curves_of_both(moving, control):
     ]
 
 
-def resample(surface, corners, count=10):
-    """Equally spaced points by arc length in space on the polyline through `corners @ vertices`:
-    sparse (count, V)."""
-    points = corners @ surface.vertices
-    if not np.ptp(points, axis=0).max() > 0:
-        raise LandmarkError("a curve has no length: its points coincide; give its endpoints apart")
-    return equally_spaced(points, count) @ corners
-
-
 def equally_spaced(points, count):
     """Sparse (count, k): data at equally spaced points by arc length on the polyline through points
-    (k, 3), its ends included, from data at these."""
+    (k, 3), its ends included, from data at these. LandmarkError where all points coincide."""
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(lengths)])
+    if not along[-1] > 0:
+        raise LandmarkError("a curve has no length: its points coincide; give its endpoints apart")
     wanted = np.linspace(0, along[-1], count)
     segment = np.clip(np.searchsorted(along, wanted, side="right") - 1, 0, len(lengths) - 1)
     # The last one may exceed 1 by rounding, and the last segment have no length.

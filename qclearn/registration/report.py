@@ -34,7 +34,7 @@ def report_of(pair, landmarks, weights, fit, points, wrong, stopped):
     """
     moving = pair.moving.surface
     features = pair.features
-    before = landmarks.map_before
+    before = mobius(pair.moving.disk.z, *landmarks.mobius_before)
 
     # Landmarks: the mean of each error over the curves that have it, null without any.
     rows = error_rows(pair, landmarks, fit.f)
@@ -65,7 +65,8 @@ def report_of(pair, landmarks, weights, fit, points, wrong, stopped):
 
     # What looks wrong, and what was done besides.
     held_out = held_out_distances(pair, landmarks.held, before, fit.f)
-    messages = [*differing_walls(moving, pair.control.surface), *pair.messages, *landmarks.messages]
+    repaired = [f"{side}: {word}" for side in SIDES for word in getattr(pair, side).messages]
+    messages = [*differing_walls(moving, pair.control.surface), *repaired, *landmarks.messages]
     suspect = [*wrong, *other_units(moving=moving, control=pair.control.surface)]
     if not stopped:
         suspect += [*reasons(moving, rows, fit), *disagreements, *worse(held_out)]

@@ -8,15 +8,13 @@ from itertools import pairwise
 
 import numpy as np
 import scipy
-from jaxtyping import Complex
-from numpy import ndarray
 from scipy import sparse
 
 from ..plane.linear import degenerate_faces, heat_flow
-from ..plane.mobius import best_mobius, mobius
+from ..plane.mobius import best_mobius
 from ..surfaces.conformal import ParameterizedSurface, apply_mobius
 from ..surfaces.surface import Surface, closing_fans
-from .curves import POINTS_PER_CURVE, curve_lines, resample, sample_curve
+from .curves import POINTS_PER_CURVE, curve_lines, equally_spaced, sample_curve
 from .features import (
     HEAT_STEPS,
     HEMISPHERE,
@@ -56,15 +54,6 @@ class SurfacePair:
         """The features' `Directions`, which lay the surfaces on each other by places in space."""
         return Directions(self.features, self.moving.surface, self.control.surface)
 
-    @property
-    def messages(self):
-        """What was repaired in the two disk maps."""
-        return [
-            f"{name}: {message}"
-            for name in ("moving", "control")
-            for message in getattr(self, name).messages
-        ]
-
 
 @dataclass(frozen=True, eq=False)
 class SampledLandmarks:
@@ -83,11 +72,6 @@ class SampledLandmarks:
     lines: dict
     held: dict
     messages: list
-
-    @cached_property
-    def map_before(self) -> Complex[ndarray, " V"]:
-        """The moving vertices after `mobius_before`."""
-        return mobius(self.problem.disk.z, *self.mobius_before)
 
 
 def align_disks(pair):
@@ -162,10 +146,9 @@ def sample_lines(own, lines):
     """Landmarks of K lines in the disk of a `ParameterizedSurface`: sparse (10 K, V)."""
     stops = np.cumsum([0, *map(len, lines)])
     corners = own.disk.interpolation(np.concatenate(lines))
-    matrices = [
-        resample(own.surface, corners[start:stop], POINTS_PER_CURVE)
-        for start, stop in pairwise(stops)
-    ]
+    parts = [corners[start:stop] for start, stop in pairwise(stops)]
+    points = own.surface.vertices
+    matrices = [equally_spaced(part @ points, POINTS_PER_CURVE) @ part for part in parts]
     return sparse.vstack(matrices).tocsr()
 
 
