@@ -1,23 +1,19 @@
-"""The benchmark's engine: tasks on processes, kept as they finish, resumed, and none lost with a
-killed worker."""
+"""The benchmark's engine: tasks on processes, kept as they finish, and resumed; what it refuses."""
 
 import inspect
 import json
 import os
 import signal
-import subprocess
 import sys
 import threading
 import time
 from contextlib import contextmanager
 from dataclasses import asdict
-from functools import partial
 from importlib import import_module
 from pathlib import Path
 
 import pytest
 from distributed import Client, LocalCluster
-from toys import shrunk, trial_of
 
 from data_synth.cohort import hemispheres
 from qclearn.benchmark import cluster as engine
@@ -30,12 +26,10 @@ from qclearn.benchmark.problems import Spec, problems
 from qclearn.benchmark.run import benchmark
 from qclearn.benchmark.runs import FRONT, RUNS, Run, check_runs, lacking, run_of
 from qclearn.cli import main
+from qclearn.plane.mobius import mobius
 from subjects import stand_in
 
 SIZE = 1000
-
-
-OWN = METHODS | {"shrunk": shrunk}
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +79,7 @@ def inside(client, monkeypatch):
 
 
 def small(out, folder, runs, **options):
-    options = {"subjects": 2, "vertices": SIZE, "workers": 1, "progress": False, "methods": OWN} | options
+    options = {"subjects": 2, "vertices": SIZE, "workers": 1, "progress": False} | options
     return benchmark(out, runs=runs, folder=folder, **options)
 
 
@@ -103,7 +97,7 @@ def endless(problem):
 
 
 def shifted(by):
-    return lambda problem: shrunk(problem, by)
+    return lambda problem: mobius(mobius(problem.disk.z, *problem.mobius), by)
 
 
 METHODS_OF_OTHERS = {  # method -> its row's status, or the words of its message
@@ -157,54 +151,19 @@ def test_a_stopped_run_goes_on(tmp_path, folder, inside, monkeypatch):
     assert kept in results["rows"] and not Path(f"{out}.partial").exists()
 
 
-@contextmanager
-def worker_processes(address, folder, count=2):
-    """Workers of a scheduler that are processes of their own, on loopback."""
-    path = os.pathsep.join(filter(None, [str(Path(__file__).parent), os.environ.get("PYTHONPATH")]))
-    words = [address, "--nthreads", "1", "--no-nanny", "--host", "127.0.0.1", "--no-dashboard"]
-    options = {
-        "env": os.environ | {"PYTHONPATH": path, "OMP_NUM_THREADS": "1"},
-        "cwd": folder,
-        "stdout": subprocess.DEVNULL,
-        "stderr": subprocess.DEVNULL,
-    }
-    command = [sys.executable, "-m", "distributed.cli.dask_worker", *words]
-    processes = [subprocess.Popen(command, **options) for _ in range(count)]
-    try:
-        yield processes
-    finally:
-        for process in processes:
-            process.kill()
-            process.wait()
+def test_a_problem_that_cannot_be_made_fails_its_rows_alone(tmp_path, monkeypatch):
+    def lost():
+        raise ValueError("no such surface")
 
-
-def test_a_killed_worker_costs_only_its_task(tmp_path, folder, inside, monkeypatch):
-    runs = [Run(f"mine {k}", "shrunk", {"shift": 0.02 * k}) for k in range(6)]
-    row = read_measured("benchmark")["rows"][0]
-    figures = {name: row[name] for name in row if name not in ("set", "pair", "run", *asdict(runs[0]))}
-    specs = [Spec("cohort", f"{seed} to 2001", int, options=(seed,)) for seed in (1001, 1002)]
+    run, kept = Run("Möbius", "mobius_only"), read_measured("benchmark")["rows"][0]
+    figures = {name: kept[name] for name in kept if name not in ("set", "pair", "run", *asdict(run))}
+    specs = [Spec("cohort", "a", lost), Spec("cohort", "b", dict)]
     monkeypatch.setattr(module, "problems", lambda *_: specs)
-    monkeypatch.setattr(engine, "isolated_trial", partial(trial_of, figures))
-    out = tmp_path / "b.json"
-
-    def kill_midway():
-        while len(list(Path(f"{out}.partial").glob("row-*.json"))) < 2:
-            time.sleep(0.02)
-        workers[0].send_signal(signal.SIGKILL)
-
-    killer = threading.Thread(target=kill_midway, daemon=True)
-    with (
-        LocalCluster(n_workers=0, host="127.0.0.1", dashboard_address="127.0.0.1:0") as cluster,
-        worker_processes(cluster.scheduler_address, tmp_path) as workers,
-    ):
-        killer.start()
-        results = small(out, folder, runs, scheduler=cluster.scheduler_address)
-        killer.join(10)
-        assert workers[0].wait(10) == -signal.SIGKILL and workers[1].poll() is None
-    found = {(row["pair"], row["run"]): row["landmark_error"] for row in results["rows"] if row["status"] == "done"}
-    assert len(results["rows"]) == len(found) and found == {
-        (f"{seed} to 2001", run.name): seed + run.parameters["shift"] for seed in (1001, 1002) for run in runs
-    }
+    monkeypatch.setattr(engine, "trial", lambda pair, run, method: figures)
+    with cluster_inside() as cluster:
+        lost, done = small(tmp_path / "r.json", None, [run], scheduler=cluster.scheduler_address)["rows"]
+    assert (lost["status"], lost["message"]) == ("failed", "ValueError: no such surface")
+    assert done["pair"] == "b" and done["status"] == "done" and done["landmark_error"] == kept["landmark_error"]
 
 
 @pytest.mark.parametrize(
@@ -224,13 +183,13 @@ def test_workers_that_cannot_serve_are_refused(tmp_path, folder, monkeypatch, wo
     monkeypatch.setattr(engine, "versions_of", of_this_thread)
     monkeypatch.setattr(engine, "PATIENCE", 20 if workers else 2)
     with cluster_inside(workers, threads) as cluster, pytest.raises(BenchmarkError, match=words):
-        small(tmp_path / "r.json", folder, [Run("mine", "shrunk")], scheduler=cluster.scheduler_address)
+        small(tmp_path / "r.json", folder, [Run("Möbius", "mobius_only")], scheduler=cluster.scheduler_address)
 
 
 def test_a_folder_for_subjects_that_cannot_be_written_is_refused(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(ValueError, match="cannot be written"):
-        small(tmp_path / "r.json", tmp_path / "file", [Run("mine", "shrunk")])
+        small(tmp_path / "r.json", tmp_path / "file", [Run("Möbius", "mobius_only")])
     assert not (tmp_path / "r.json.partial").exists()
 
 
@@ -238,7 +197,7 @@ def test_a_folder_for_subjects_that_cannot_be_written_is_refused(tmp_path):
 def test_an_unreachable_scheduler_is_named(tmp_path, folder, monkeypatch, address):
     monkeypatch.setattr(engine, "PATIENCE", 1)
     with pytest.raises(BenchmarkError, match=f"{address}: no dask scheduler answers there"):
-        small(tmp_path / "r.json", folder, [Run("mine", "shrunk")], scheduler=address)
+        small(tmp_path / "r.json", folder, [Run("Möbius", "mobius_only")], scheduler=address)
 
 
 # What is asked for, before anything runs
