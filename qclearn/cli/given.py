@@ -22,24 +22,27 @@ merge_option = click.option(
 
 
 def given_features(sides, files, none, delta):
-    """Features of the options --feature and --no-features; by default the folds."""
+    """Features of the options --feature and --no-features; by default the folds.
+
+    files: pairs of two files, or of a name of FOLDS twice; the second may have a weight behind a
+    colon. sides: side -> `Hemisphere`.
+    """
     for option, used in (("--feature", files), ("--delta", delta is not None)):
         if used and none:
             raise FeatureError(f"{option} and --no-features exclude each other; drop one")
-    return None if none else [given_feature(sides, *names) for names in files] or FOLDS
-
-
-def given_feature(sides, moving, control):
-    """A `Feature` from two files, or a name of FOLDS given twice, with the weight behind the colon."""
-    path, colon, weight = control.rpartition(":")
-    try:
-        control, weight = (path, float(weight)) if colon else (control, 1.0)
-    except ValueError:  # a colon in the path
-        weight = 1.0
-    if moving == control and moving in FOLDS:
-        return moving, weight
-    values = feature_of(sides["moving"], moving), feature_of(sides["control"], control)
-    return Feature(Path(moving).name, *values), weight
+    features = []
+    for moving, control in files:
+        path, colon, weight = control.rpartition(":")
+        try:
+            control, weight = (path, float(weight)) if colon else (control, 1.0)
+        except ValueError:  # a colon in the path
+            weight = 1.0
+        if moving == control and moving in FOLDS:
+            features.append((moving, weight))
+            continue
+        values = feature_of(sides["moving"], moving), feature_of(sides["control"], control)
+        features.append((Feature(Path(moving).name, *values), weight))
+    return None if none else features or FOLDS
 
 
 def feature_of(hemisphere, path):

@@ -50,10 +50,8 @@ def train(network, preset, gamma, out, data, steps, seed, quick):
     changes = {name: value for name, value in changes.items() if value is not None}
     path, row = run_training(network, preset, gamma, Path(out), data, quick, **changes)
     if path:
-        print(
-            f"{path}: validation loss {row['validation_loss']:.4g} after {row['step']:.0f} steps, "
-            f"{row['seconds']:.0f} s"
-        )
+        loss, step, seconds = row["validation_loss"], row["step"], row["seconds"]
+        print(f"{path}: validation loss {loss:.4g} after {step:.0f} steps, {seconds:.0f} s")
 
 
 @click.command()

@@ -132,7 +132,12 @@ def write_carried(out, carried, numbering, wall):
         qc.write_values(out, *carried)
         return numbering.size
     cortex = numbering.on_whole(np.ones(numbering.size, dtype=np.float32), 0)
-    require_same(out, beside, cortex)
+    differs = beside.exists() and not np.array_equal(qc.read_values(beside), cortex)
+    if differs or Path(out) == beside:
+        advice = "choose another folder or name"
+        raise qc.SurfaceError(
+            f"{beside}: would be replaced by the cortex of this surface; {advice}"
+        )
     labels = carried.labels or {}
     fill = np.nan if wall == "nan" else 0
     if labels and wall != "nan":
@@ -144,16 +149,6 @@ def write_carried(out, carried, numbering, wall):
     qc.write_values(out, numbering.on_whole(carried.values, fill), *carried[1:])
     qc.write_values(beside, cortex, carried.side, names=["cortex"])
     return numbering.count
-
-
-def require_same(out, beside, cortex):
-    """SurfaceError where writing the cortex beside a file would replace another file."""
-    differs = beside.exists() and not np.array_equal(qc.read_values(beside), cortex)
-    if differs or Path(out) == beside:
-        advice = "choose another folder or name"
-        raise qc.SurfaceError(
-            f"{beside}: would be replaced by the cortex of this surface; {advice}"
-        )
 
 
 @click.command()

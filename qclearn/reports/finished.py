@@ -25,7 +25,7 @@ KEYS = {
     str: "method",
     bool: "bijective",
     int: "flipped degenerate",
-    float: "alpha beta gamma delta mean_abs_mu sd_abs_mu max_abs_mu",
+    (int, float): "alpha beta gamma delta mean_abs_mu sd_abs_mu max_abs_mu",
 }
 
 
@@ -149,27 +149,16 @@ def read_finished(folder):
 
 
 def read_report(path):
-    """A report.json as dict, with KEYS of the right types; ReportError otherwise. The key "sure" of
-    version 0.1 is read as "uncertainty"."""
-    data = read_bytes(path)
+    """A report.json as dict, with KEYS of the right types; ReportError otherwise."""
     try:
-        report = json.loads(data)
+        report = json.loads(read_bytes(path))
     except ValueError:
         advice = "run `qclearn register` again, or copy the file again"
         raise ReportError(f"{path}: not JSON; {advice}") from None
     values = report if isinstance(report, dict) else {}
     types = {name: kind for kind, names in KEYS.items() for name in names.split()}
-    wrong = [name for name, kind in types.items() if not is_of(values.get(name), kind)]
+    wrong = [name for name, kind in types.items() if not isinstance(values.get(name), kind)]
     if wrong:
         what = f"not a report of `qclearn register` (see {wrong[0]!r})"
         raise ReportError(f"{path}: {what}; give the folder that it wrote")
-    if "sure" in report:
-        report["uncertainty"] = report.pop("sure")
     return report
-
-
-def is_of(value, kind):
-    """Whether a JSON value is of a type; whole numbers are floats, too, truth values no numbers."""
-    if isinstance(value, bool):
-        return kind is bool
-    return isinstance(value, (int, float) if kind is float else kind)

@@ -1,9 +1,13 @@
 """The page of one registration."""
 
+import math
 import shlex
+from pathlib import Path
 
-from .finished import read_finished
-from .render import render, require_html, write_text
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from ..io.safe import sound_text, write_whole
+from .finished import ReportError, read_finished
 from .views import ColorScale, InflatedView, curvature_scale
 
 DIFFERENCE = ColorScale("difference, after − control", "RdBu_r", -3, 3, "SD")
@@ -16,13 +20,32 @@ PICTURES = {
 }
 
 
+def number(value, digits=2):
+    """A number as text with a true minus; an en dash for None and NaN."""
+    if value is None or math.isnan(value):
+        return "–"
+    return f"{value:z.{digits}f}".replace("-", "−")
+
+
+TEMPLATES = Environment(
+    loader=PackageLoader(__package__),
+    autoescape=True,  # names of files and reasons are no markup
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+TEMPLATES.filters["number"] = number
+
+
 def write_pair(folder, out):
     """Write the page of a registration's `folder` to `out`, one HTML file without network requests.
 
     ReportError where the folder is not a whole one of `qclearn register`, or `out` is no name of
     a page.
     """
-    out = require_html(out)
+    out = Path(out)
+    if out.suffix.lower() not in (".html", ".htm"):
+        raise ReportError(f"{out}: give a name that ends in .html")
     registration = read_finished(folder)
     maps = registration.maps()
     curvatures = {name: getattr(maps, name) for name in PICTURES}
@@ -36,8 +59,7 @@ def write_pair(folder, out):
         (AREA, maps.log2_area),
     ]
     moving, control = registration.names()
-    text = render(
-        "pair.html",
+    text = TEMPLATES.get_template("pair.html").render(
         moving=moving,
         control=control,
         registration=registration,
@@ -46,4 +68,6 @@ def write_pair(folder, out):
         pictures=view.pictures(curvatures, PICTURES),
         scene=view.scene(scene),
     )
-    write_text(out, text)
+    # What UTF-8 cannot hold, as in names of files, is escaped.
+    data = sound_text(text).encode()
+    write_whole(out, lambda place: place.write_bytes(data))

@@ -85,7 +85,7 @@ class InflatedView:
             pictures[name] = [outer, inner]
         return pictures
 
-    def picture(self, values, scale, side=1, width=PIXELS):
+    def picture(self, values, scale, side=1):
         """A picture of a map (W,) as a data: address; side: 1 from outside, -1 from the inside."""
         right, up, eye = self.axes * [[side], [1], [side]]
         light = EDGE_LIGHT + (1 - EDGE_LIGHT) * abs(self.normals @ eye)[:, None]
@@ -99,7 +99,7 @@ class InflatedView:
         nearest_last = np.argsort(depth[faces].mean(1))
         mesh = TriMesh(Triangulation(x, y, faces[nearest_last]))
         mesh.set_facecolor(np.column_stack([colours, np.ones(len(colours))]))
-        figure = Figure(figsize=(width / 100, 0.74 * width / 100), dpi=100)
+        figure = Figure(figsize=(PIXELS / 100, 0.74 * PIXELS / 100), dpi=100)
         ax = figure.add_axes((0, 0, 1, 1))
         ax.add_collection(mesh)
         ax.set(aspect="equal", xlim=(-1.02, 1.02), ylim=(-0.75, 0.75))
