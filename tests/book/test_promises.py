@@ -40,7 +40,7 @@ def read_or_quoted():
 def test_the_preface_names_the_pages_that_read_their_numbers():
     (promise,) = re.findall(r"\} What is computed where\n(.*?)The part \*Networks\*", INDEX, re.DOTALL)
     assert page_links(promise) == read_or_quoted()
-    assert "Six pages" in promise and len(read_or_quoted()) == 6
+    assert "Five pages" in promise and len(read_or_quoted()) == 5
 
 
 def test_the_tiles_are_the_core_path_in_its_order():
