@@ -42,11 +42,12 @@ def pole(state):
 
 def in_picture(vertex):
     """Where a vertex is in the picture of the sulci's ends."""
-    side = cortices("first").moving
+    side = cortices("cortex").moving
     return area_radius(side.surface, side.disk.z).to_image(side.disk.z[vertex])
 
 
 VIEWS = ("turn of the surface in degrees", "tilt of the surface in degrees", "zoom", "unfolded, 0 to 1")
+FSAVERAGE = Landmarks.initial | {"hemisphere": "cortex"}
 ROWS = {
     "mobius": Row("conformal.html", lambda: pole({}), -0.8, pole),
     "boundary": Row("certificate.html", lambda: 0.5 + 0.6j, -0.2 - 0.2j, lambda state: complex(*state["pole"])),
@@ -54,9 +55,10 @@ ROWS = {
     "howsure": Row("howsure.html", lambda: 0.35 - 0.55j, 0.34 + 0.55j, lambda state: complex(*state["places"][5])),
     "landmarks": Row(
         "ldnet.html",
-        lambda: in_picture(Landmarks().ends(dict(Landmarks.initial))[1]),
+        lambda: in_picture(Landmarks().ends(FSAVERAGE)[1]),
         0.1 + 0.05j,
         lambda state: in_picture(state["ends"]["1"]),
+        chosen=("hemisphere", "cortex"),
     ),
     "lbs": Row("lbs.html", lambda: 0.5 + 0.2j, 0.1 + 0.1j, lambda state: complex(*state["moves"]["0"])),
     "mu": Row(
@@ -238,8 +240,10 @@ def test_millimetres_are_the_librarys(named):
 
 @pytest.mark.parametrize("named", ["landmarks"], indirect=True)
 def test_ends_that_meet_are_refused(named):
-    start, _ = Landmarks().ends(dict(Landmarks.initial))
-    picture, link = (named.pictures(), "#live-landmarks=" + quote(json.dumps({"ends": {"1": start}})))
+    start, _ = Landmarks().ends(FSAVERAGE)
+    named.choose(*ROWS["landmarks"].chosen)
+    picture, state = named.pictures(), {"hemisphere": "cortex", "ends": {"1": start}}
+    link = "#live-landmarks=" + quote(json.dumps(state))
     named.after(lambda: named.page.evaluate("link => { location.href = link; }", link))
     assert "both ends are at the same place" in named.said and named.pictures() == picture
 
