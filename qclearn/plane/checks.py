@@ -80,12 +80,6 @@ def check_faces(faces, n_vertices, error=BeltramiError):
     return faces.astype(np.int64, copy=False)  # products of indices leave the smaller types
 
 
-def check_mesh(z, faces):
-    """A planar mesh as complex128 (V,) and int64 (F, 3), or BeltramiError."""
-    z = planar_points(z)
-    return z, check_faces(faces, len(z))
-
-
 def check_map(f, n_vertices):
     """A map as one number or point a vertex, complex (V,) or real (V, 3), or BeltramiError."""
     surface = np.ndim(f) == 2 and np.shape(f)[1] == 3 and np.asarray(f).dtype.kind in "biuf"

@@ -14,8 +14,8 @@ from scipy import sparse
 from .checks import (
     BeltramiError,
     check_coefficient,
+    check_faces,
     check_map,
-    check_mesh,
     planar_points,
     read_only,
 )
@@ -50,7 +50,8 @@ class Disk:
     faces: Faces
 
     def __post_init__(self):
-        z, faces = check_mesh(self.z, self.faces)
+        z = planar_points(self.z)
+        faces = check_faces(self.faces, len(z))
         vars(self).update(z=read_only(z), faces=read_only(faces))
 
     def __reduce__(self):
@@ -100,7 +101,9 @@ class Disk:
         """The boundary vertices, counter-clockwise, from the smallest index; BeltramiError unless
         it is one loop."""
         rim = self.open_halfedges
-        tails, heads = (part.ravel()[rim].tolist() for part in (self.faces, _next(self.faces)))
+        tails, heads = (
+            part.ravel()[rim].tolist() for part in (self.faces, np.roll(self.faces, -1, axis=1))
+        )
         following = dict(zip(tails, heads))
         loop = [min(following, default=None)]
         while len(loop) <= len(following) and following.get(loop[-1]) != loop[0]:
@@ -118,7 +121,7 @@ class Disk:
     def across(self):
         """The face across from each corner of a face, (F, 3); -1 beyond the boundary."""
         tails = self.faces.ravel()
-        heads = _next(self.faces).ravel()
+        heads = np.roll(self.faces, -1, axis=1).ravel()
         edge = np.minimum(tails, heads) * len(self.z) + np.maximum(tails, heads)
         order = np.argsort(edge)
         # Both half-edges of an inner edge follow each other in this order.
@@ -128,7 +131,8 @@ class Disk:
         across = np.full(len(order), -1)
         across[one[twins]] = two[twins] // 3
         across[two[twins]] = one[twins] // 3
-        return _next(across.reshape(-1, 3))  # the edge from corner k is opposite corner k + 2
+        # The edge from corner k is opposite corner k + 2.
+        return np.roll(across.reshape(-1, 3), -1, axis=1)
 
     def locate(
         self, points: Complex[ndarray, " P"]
@@ -292,10 +296,13 @@ class Disk:
         corners = self.z[self.faces[self.maybe_flipped]]
         finite = np.isfinite(corners).all(1)
         vertices, corners = np.unique(self.faces[self.maybe_flipped[finite]], return_inverse=True)
-        (ax, bx, cx), (ay, by, cy) = (
-            integers(part)[corners.reshape(-1, 3).T]
-            for part in (self.z[vertices].real, self.z[vertices].imag)
-        )
+        # 2^1074 times the coordinates are integers, as no double has a larger denominator.
+        largest, exact = 2**1074, []
+        for part in (self.z[vertices].real, self.z[vertices].imag):
+            ratios = map(float.as_integer_ratio, part.tolist())
+            whole = np.array([number * (largest // by) for number, by in ratios], dtype=object)
+            exact.append(whole[corners.reshape(-1, 3).T])
+        (ax, bx, cx), (ay, by, cy) = exact
         sound = np.zeros(len(self.maybe_flipped), bool)
         sound[finite] = (bx - ax) * (cy - ay) > (by - ay) * (cx - ax)
         return self.maybe_flipped[~sound]
@@ -318,19 +325,6 @@ class Disk:
                 f"(first: {self.flipped[:5].tolist()}): a map of it cannot be certified"
             )
         return self.at(f).certificate
-
-
-def integers(x):
-    """2^1074 times finite doubles (n,), as Python's integers, object (n,): no double has a larger
-    denominator."""
-    largest = 2**1074
-    ratios = map(float.as_integer_ratio, x.tolist())
-    return np.array([number * (largest // part) for number, part in ratios], dtype=object)
-
-
-def _next(corners):
-    """The corner after each corner of the faces, (F, 3)."""
-    return np.roll(corners, -1, axis=1)
 
 
 def pairs(z):

@@ -42,7 +42,8 @@ def factorise(matrix, ordering="MMD_AT_PLUS_A", pattern=None):
     (fsaverage5, subdivided) fill twice as much.
     """
     matrix = matrix.tocsc()
-    if ordering != "NATURAL" and has_cholmod() and is_symmetric(matrix):
+    symmetric = abs(matrix - matrix.T).max() <= SYMMETRIC * abs(matrix).max()
+    if ordering != "NATURAL" and has_cholmod() and symmetric:
         with contextlib.suppress(ArithmeticError):  # not positive definite
             return Cholesky(matrix, pattern)
     try:
@@ -59,10 +60,6 @@ def factorise(matrix, ordering="MMD_AT_PLUS_A", pattern=None):
 @cache
 def has_cholmod():
     return find_spec("cvxopt") is not None
-
-
-def is_symmetric(matrix):
-    return abs(matrix - matrix.T).max() <= SYMMETRIC * abs(matrix).max()
 
 
 class Pattern:

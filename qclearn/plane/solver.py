@@ -193,8 +193,7 @@ class DiskSolver:
         everywhere."""
         self.mu = check_coefficient(mu, len(self.disk.faces))
         self.free_boundary = None  # the last factors make room
-        for name in ("sensitivities", "sensitivities_T"):
-            vars(self).pop(name, None)
+        vars(self).pop("sensitivities", None)
         # The calibration is a mesh's first problem, so that the order is the same for every mu.
         calibration = self.calibration
         problem = self._problem(self.mu)
@@ -257,14 +256,21 @@ class DiskSolver:
 
     @cached_property
     def sensitivities(self) -> list[Complex[sparse.sparray, " F V"]]:
-        """`sensitivity(x)` of Re f, Im f and U, made once a solution."""
+        """Three sparse (F, V), of x = Re f, Im f and U: applied to lam, the gradient of `lam .
+        K(mu) x` by mu. Made once a solution."""
+        disk, mu, found = self.disk, self.mu, []
+        scale = 1 / (1 - abs(mu) ** 2)
         f, U = self.free_boundary.f, self.free_boundary.U
-        return [self.sensitivity(x) for x in (f.real, f.imag, U)]
-
-    @cached_property
-    def sensitivities_T(self) -> list[Complex[sparse.sparray, " V F"]]:
-        """Their transposes, (V, F)."""
-        return [matrix.T for matrix in self.sensitivities]
+        for x in (f.real, f.imag, U):
+            q = np.einsum("fk,fk->f", disk.gradients, x[disk.faces])
+            r = q + scale * ((2 - 1 / scale) * q - 2 * mu * q.conj())
+            # On a face, with p = grad lam: 2 |T| scale (mu Re(conj(p) r) - p q), linear in lam.
+            along = 0.5 * mu * r.conj() - q
+            across = 0.5 * mu * r
+            rows = along[:, None] * disk.gradients + across[:, None] * disk.gradients.conj()
+            rows *= (2 * disk.areas * scale)[:, None]
+            found.append(three_a_row(rows, disk.faces, len(disk.z)))
+        return found
 
     def pushforward(self, dmu: Complex[ndarray, " *B F"]) -> Complex[ndarray, " *B V"]:
         """Change of the last f, (V,) or (B, V), with a change of mu, (F,) or (B, F): three real
@@ -274,7 +280,7 @@ class DiskSolver:
         conj(pullback(grad_f)) dmu`.
         """
         dmu = np.asarray(dmu, complex)
-        changes = [(matrix @ np.atleast_2d(dmu).conj().T).real for matrix in self.sensitivities_T]
+        changes = [(matrix.T @ np.atleast_2d(dmu).conj().T).real for matrix in self.sensitivities]
         df = self._renormalise(self.free_boundary.pushforward(changes))
         return df.T.reshape(*dmu.shape[:-1], len(self.disk.z))
 
@@ -318,19 +324,6 @@ class DiskSolver:
         w = self.f[at] * np.exp(1j * self.turn)
         s = 1 / (1 - np.conj(self.a) * raw)
         return w, -s, (1 - abs(self.a) ** 2) * s**2, w * raw * s
-
-    def sensitivity(self, x: Float[ndarray, " V"]) -> Complex[sparse.sparray, " F V"]:
-        """Sparse (F, V): applied to lam, the gradient of `lam . K(mu) x` by mu."""
-        mu = self.mu
-        scale = 1 / (1 - abs(self.mu) ** 2)
-        q = np.einsum("fk,fk->f", self.disk.gradients, x[self.disk.faces])
-        r = q + scale * ((2 - 1 / scale) * q - 2 * mu * q.conj())
-        # On a face, with p = grad lam: 2 |T| scale (mu Re(conj(p) r) - p q), linear in lam.
-        along = 0.5 * mu * r.conj() - q
-        across = 0.5 * mu * r
-        rows = along[:, None] * self.disk.gradients + across[:, None] * self.disk.gradients.conj()
-        rows *= (2 * self.disk.areas * scale)[:, None]
-        return three_a_row(rows, self.disk.faces, len(self.disk.z))
 
 
 class CoefficientMesh:

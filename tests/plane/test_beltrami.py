@@ -36,8 +36,7 @@ def space(z):
     return np.stack([z.real, z.imag, np.zeros(len(z))], axis=1)
 
 
-# The catalogue itself: derivatives against central differences, largest |mu| against a fine
-# sampling.
+# The catalogue itself: derivatives against central differences.
 
 CATALOGUE = DISK_MAPS + [
     affine(2 + 1j, 0.7 - 0.4j, 3),
@@ -58,37 +57,12 @@ def test_catalogue_derivatives(exact):
     np.testing.assert_allclose(exact.f_zbar(z), (f_x + 1j * f_y) / 2, atol=2e-8)
 
 
-@pytest.mark.parametrize("exact", CATALOGUE, ids=lambda exact: exact.name)
-def test_catalogue_largest_coefficient(exact):
-    z = (np.linspace(1e-3, 1, 60)[:, None] * np.exp(2j * np.pi * np.arange(720) / 720)).ravel()
-    largest = abs(exact.mu(z)).max()
-    assert largest <= exact.largest + 1e-9
-    if "after" not in exact.name:
-        assert largest == pytest.approx(exact.largest, abs=1e-4)
-
-
-@pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda exact: exact.name)
-def test_catalogue_disk_maps_hold_0_1_and_the_circle(exact):
-    assert exact(np.array([1 + 0j]))[0] == pytest.approx(1, abs=1e-15)
-    assert abs(exact(np.array([1e-9 + 0j]))[0]) < 2e-9
-    np.testing.assert_allclose(abs(exact(np.exp(2j * np.pi * np.arange(99) / 99))), 1, rtol=1e-14)
-
-
 # Derivatives.
 
 
 def test_signed_areas():
     z, faces = np.array([0, 2, 3j]), np.array([[0, 1, 2], [0, 2, 1]])
     assert signed_areas(z, faces).tolist() == [3.0, -3.0]
-
-
-def test_hat_gradients_equal_libigl():
-    z, faces = DISK
-    gradient = igl.grad(space(z), faces.astype(np.int64)).toarray().reshape(3, len(faces), len(z))
-    ours = hat_gradients(z, faces)
-    for corner in range(3):
-        theirs = gradient[:, np.arange(len(faces)), faces[:, corner]]
-        np.testing.assert_allclose(ours[:, corner], theirs[0] + 1j * theirs[1], rtol=1e-11)
 
 
 def test_hat_gradients_are_the_papers_mended_formula():
@@ -319,13 +293,6 @@ def test_solver_recovers_affine_maps(pins):
     np.testing.assert_allclose(f, exact(z), atol=1e-12)
 
 
-def test_solver_keeps_values_at_the_pins():
-    z, faces = DISK
-    pinned = np.array([5, 17, 3])
-    values = np.array([1j, 2.0, -0.5])
-    assert (solve_beltrami(z, faces, np.zeros(len(faces)), pinned, values)[pinned] == values).all()
-
-
 def test_solver_with_every_vertex_pinned():
     z, faces = polar_disk(1, 5)
     values = np.arange(6) + 1j
@@ -429,7 +396,7 @@ def test_unusable_source_meshes(spoil):
 
 def test_faces_of_another_mesh_are_refused():
     z, faces = polar_disk(3, 9)
-    with pytest.raises(BeltramiError, match=r"outside 0\.\.26"):
+    with pytest.raises(BeltramiError, match=r"outside 0 \.\.\. 26"):
         signed_areas(z[:-1], faces)
-    with pytest.raises(BeltramiError, match="faces .0, 1"):
+    with pytest.raises(BeltramiError, match=r"faces with corners outside .*: 0, 1"):
         signed_areas(z, faces - 1)

@@ -21,19 +21,12 @@ def test_locate_rebuilds_the_points(mesh):
     np.testing.assert_allclose(barycentric.sum(1), 1, rtol=1e-14)
     clear = weights.min(1) > 1e-6
     assert (face[clear] == expected[clear]).all()
-
-
-def test_locate_vertices_and_points_on_edges(mesh):
-    """On a boundary edge rounding decides whether a point counts as beyond it and so is moved
-    inwards by INSET."""
-    z, faces = mesh
+    # Vertices, and the middles of edges inside; on one of the rim rounding decides.
     ends = np.stack([faces.ravel(), np.roll(faces, -1, axis=1).ravel()], 1)
-    on_rim = np.isin(ends, boundary_loop(faces)).all(1)
-    points = np.concatenate([z, z[ends].mean(1)])
+    inner = ~np.isin(ends, boundary_loop(faces)).all(1)
+    points = np.concatenate([z, z[ends[inner]].mean(1)])
     face, barycentric = locate(z, faces, points)
-    moved = abs((barycentric * z[faces[face]]).sum(1) - points)
-    assert moved.max() < 1.01 * INSET
-    assert moved[np.append(np.full(len(z), True), ~on_rim)].max() < 2e-15
+    np.testing.assert_allclose((barycentric * z[faces[face]]).sum(1), points, atol=2e-15)
 
 
 def test_locate_keeps_points_of_the_open_disk_off_the_boundary(mesh):
@@ -62,17 +55,9 @@ def test_locate_moves_points_beyond_a_chord_radially_onto_it(mesh):
     assert all(on_rim)
 
 
-def test_locate_in_a_moved_mesh():
-    z, faces = polar_disk(12, 36)
-    moved = mobius(z, 0.5 + 0.2j, 0.4)
-    face, barycentric = locate(moved, faces, [0j, 1.0, -1.0, 0.999j])
-    found = (barycentric * moved[faces[face]]).sum(1)
-    np.testing.assert_allclose(found, [0, found[1].real, found[2].real, 1j * found[3].imag], atol=1e-14)
-    assert (abs(found[1:]) > 0.95).all()
-
-
 def test_places_in_a_face_turned_over_have_weights_too():
     z, faces = polar_disk(6, 18)
+    z = mobius(z, 0.5 + 0.2j, 0.4)
     face, weights = locate(z, faces[:, ::-1], [0.3 + 0.1j, -0.55j])
     np.testing.assert_allclose((z[faces[:, ::-1][face]] * weights).sum(1), [0.3 + 0.1j, -0.55j], atol=1e-15)
     assert weights.min() >= 0
