@@ -67,29 +67,24 @@ class Laplace:
         self.mesh = objective.coefficient_mesh.mesh
         self.state = objective.at(start_field(problem.disk, mu, self.mesh), mobius)
         step = ProductStep(objective, self.state, weights.gamma)
-        self.G = self.derivative(step)
-        self.H = self.hessian(objective.W.toarray(), step.rows)
         self.noise = (len(problem.moving) + 1) / weights.gamma
-
-    def derivative(self, step):
-        """G, by the pushforward of every unit change."""
+        # G, by the pushforward of every unit change, a BATCH at a time.
         count, to_faces = 2 * len(self.mesh.z), step.to_faces.tocsc()
-        G = np.empty((len(self.mesh.z), count + 3), complex)
+        self.G = G = np.empty((len(self.mesh.z), count + 3), complex)
         for first in range(0, count, BATCH):
             k = np.arange(first, min(first + BATCH, count))
             unit = to_faces[:, k // 2].toarray() * np.where(k % 2, 1j, 1.0)
             df = self.state.solution.pushforward(step.activated(unit.T))
             G[:, k] = (step.slope * df).T
         G[:, count:] = step.fields
-        return G
-
-    def hessian(self, W, rows):
-        H = np.zeros((self.G.shape[1],) * 2)
-        H[:-3:2, :-3:2] = H[1:-3:2, 1:-3:2] = W
+        # H: the prior of nu and of the Möbius parameters, and the residuals' rows D.
+        self.H = H = np.zeros((count + 3, count + 3))
+        H[:-3:2, :-3:2] = H[1:-3:2, 1:-3:2] = objective.W.toarray()
         H[-3:, -3:] = MOBIUS_PRIOR * np.eye(3)
-        a, b, re, im = rows.real.tocsr(), rows.imag.tocsr(), self.G.real.copy(), self.G.imag.copy()
+        a, b = step.rows.real.tocsr(), step.rows.imag.tocsr()
+        re, im = G.real.copy(), G.imag.copy()
         cross = a.T @ b
-        return H + re.T @ ((a.T @ a) @ re + cross @ im) + im.T @ (cross.T @ re + (b.T @ b) @ im)
+        H += re.T @ ((a.T @ a) @ re + cross @ im) + im.T @ (cross.T @ re + (b.T @ b) @ im)
 
     @cached_property
     def covariance(self):

@@ -72,22 +72,18 @@ def test_what_was_repaired_of_the_disks_is_told(sides):
 
 
 @pytest.mark.parametrize("subset", SUBSETS, ids=str)
-def test_good_landmarks_are_not_suspect(sides, subset):
-    assert messages_of_curves(sides, SULCI[subset]) == []
-    back = [entry | {"moving": entry["control"], "control": entry["moving"]} for entry in SULCI[subset]]
-    assert messages_of_curves(exchanged(sides), back) == []  # with the landmarks, so no mistake
-
-
-@pytest.mark.parametrize("subset", SUBSETS, ids=str)
-def test_a_forgotten_mirror_is_recognised(sides, subset):
-    (reason,) = messages_of_curves(mirrored(sides), SULCI[subset])
-    assert reason.startswith("mirror: ") and "--mirror" in reason
-
-
-@pytest.mark.parametrize("subset", SUBSETS, ids=str)
-def test_exchanged_surfaces_are_recognised(sides, subset):
-    (reason,) = messages_of_curves(exchanged(sides), SULCI[subset])
-    assert reason.startswith("exchanged: ") and "MOVING and CONTROL" in reason
+def test_good_landmarks_are_not_suspect_and_mistakes_of_all_of_them_are_recognised(sides, subset):
+    curves = SULCI[subset]
+    back = [entry | {"moving": entry["control"], "control": entry["moving"]} for entry in curves]
+    turned = [entry | {"moving": entry["moving"][::-1]} for entry in curves]
+    assert messages_of_curves(sides, curves) == messages_of_curves(exchanged(sides), back) == []
+    for pair, given, word, *texts in (
+        (mirrored(sides), curves, "mirror", "--mirror"),
+        (exchanged(sides), curves, "exchanged", "MOVING and CONTROL"),
+        (sides, turned, "reversed", *(entry["name"] for entry in curves)),
+    ):
+        (reason,) = messages_of_curves(pair, given)
+        assert reason.startswith(f"{word}: ") and all(text in reason for text in texts)
 
 
 @pytest.mark.parametrize("subset", SUBSETS[:-1], ids=str)
@@ -103,13 +99,6 @@ def test_numbers_of_the_whole_surface_are_recognised(sides, subset, wrong):
         reason = str(error).partition("before it was cut open, say)? ")[2]
         assert any(f"'{name}'" in str(error) for name in BEYOND)
     assert reason.startswith("numbering: ") and "whole surface" in reason
-
-
-@pytest.mark.parametrize("subset", SUBSETS, ids=str)
-def test_curves_all_run_backwards_are_recognised(sides, subset):
-    (reason,) = messages_of_curves(sides, [entry | {"moving": entry["moving"][::-1]} for entry in SULCI[subset]])
-    assert reason.startswith("reversed: ")
-    assert all(entry["name"] in reason for entry in SULCI[subset])
 
 
 @pytest.mark.parametrize("which", range(11), ids=[entry["name"] for entry in SULCI])
