@@ -164,16 +164,6 @@ def _read_gifti(path, data):
     return Map(values, side, labels, names if all(names) else None, integer)
 
 
-def read_regions(path):
-    """The name of each vertex's region (V,), "" for none, of a .label.gii or an .annot."""
-    regions = read_map(path)
-    if not regions.labels or regions.values.ndim != 1 or regions.values.dtype.kind not in "iu":
-        raise SurfaceError(f"{path}: names no regions; give a .label.gii of one map, or an .annot")
-    keys, places = np.unique(regions.values, return_inverse=True)
-    names = [regions.labels.get(key, ("",))[0] for key in keys.tolist()]
-    return np.array(names, dtype=np.str_)[places]
-
-
 def write_values(
     path: str | Path,
     values: Values,

@@ -106,14 +106,10 @@ def disk(rng, low, high):
 def beltrami_case(rng):
     z, faces = disk(rng, 30, 3000)
     size, centre = rng.choice([0.1, 0.5, 0.9, 0.99]), z[faces].mean(axis=1)
-    mu = size * rng.choice(
-        [
-            np.ones(len(faces)),
-            np.exp(4j * centre.real),
-            np.sqrt(rng.uniform(size=len(faces))) * np.exp(2j * np.pi * rng.uniform(size=len(faces))),
-            abs(centre) ** 6 * np.exp(2j * np.angle(centre)),
-        ]
-    )
+    turn = np.exp(2j * np.pi * rng.uniform(size=len(faces)))
+    random = np.sqrt(rng.uniform(size=len(faces))) * turn
+    rim = abs(centre) ** 6 * np.exp(2j * np.angle(centre))
+    mu = size * rng.choice([np.ones(len(faces)), np.exp(4j * centre.real), random, rim])
     f = qc.solve_beltrami_disk(z, faces, mu)
     return faces, f, qc.check_bijective(z, faces, f).bijective, False
 
@@ -123,21 +119,12 @@ def lifted(rng, z):
     x, y, kind = z.real, z.imag, rng.integers(8)
     hills = sum(rng.normal() * np.sin(rng.normal() * 6 * x + rng.normal() * 6 * y) for _ in range(5))
     t, q = rng.uniform(2, 20) * (x + 1.5), abs(z) * np.pi * rng.uniform(0.5, 0.999)
-    roll, bulb = (
-        np.stack([t * np.cos(t), t * np.sin(t), 3 * y], 1),
-        np.stack([np.sin(q) * np.cos(np.angle(z)), np.sin(q) * np.sin(np.angle(z)), np.cos(q)], 1),
-    )
+    roll = np.stack([t * np.cos(t), t * np.sin(t), 3 * y], 1)
+    bulb = np.stack([np.sin(q) * np.cos(np.angle(z)), np.sin(q) * np.sin(np.angle(z)), np.cos(q)], 1)
     plain = np.stack([x, y, hills], axis=1)
-    return [
-        plain,
-        roll,
-        np.stack([x * 10.0 ** rng.uniform(1, 4), y, 0.1 * hills], 1),
-        bulb,
-        plain + rng.normal(size=plain.shape) * 0.3,
-        plain * 10.0 ** -rng.uniform(3, 150),
-        plain * 10.0 ** rng.uniform(3, 150),
-        plain + 10.0 ** rng.uniform(2, 12),
-    ][kind]
+    tongue, noisy = np.stack([x * 10.0 ** rng.uniform(1, 4), y, 0.1 * hills], 1), rng.normal(size=plain.shape) * 0.3
+    tiny, huge, far = 10.0 ** -rng.uniform(3, 150), 10.0 ** rng.uniform(3, 150), 10.0 ** rng.uniform(2, 12)
+    return [plain, roll, tongue, bulb, plain + noisy, plain * tiny, plain * huge, plain + far][kind]
 
 
 def conformal_case(rng):
@@ -149,14 +136,9 @@ def fit_case(rng):
     z, faces = disk(rng, 150, 2000)
     m, kind = int(rng.integers(1, 30)), rng.integers(6)
     p = 0.9 * np.sqrt(rng.uniform(size=m)) * np.exp(2j * np.pi * rng.uniform(size=m))
-    q = [
-        p + 0.03 * np.exp(3j * p.real),
-        p * np.exp(2j * (1 - abs(p)) * rng.uniform(0.5, 4)),
-        rng.permutation(p),
-        -p,
-        0.01 * p,
-        0.9 * np.sqrt(rng.uniform(size=m)) * np.exp(2j * np.pi * rng.uniform(size=m)),
-    ][kind]
+    far = 0.9 * np.sqrt(rng.uniform(size=m)) * np.exp(2j * np.pi * rng.uniform(size=m))
+    twist = p * np.exp(2j * (1 - abs(p)) * rng.uniform(0.5, 4))
+    q = [p + 0.03 * np.exp(3j * p.real), twist, rng.permutation(p), -p, 0.01 * p, far][kind]
     fit = qc.fit_landmarks(z, faces, p, q, gamma=10.0 ** rng.uniform(2, 8))
     return faces, fit.f, fit.bijective, above(Problem(Disk(z, faces), p, q), fit.f)
 
@@ -187,7 +169,7 @@ def register_case(rng):
         }
         curves.append({"name": f"c{k}", **ends})
     problems = []  # of landmarks, as they are stated
-    with patch("qclearn.registration.start.Problem", lambda *given: problems.append(Problem(*given)) or problems[-1]):
+    with patch("qclearn.registration.start.Problem", lambda *a, **k: problems.append(Problem(*a, **k)) or problems[-1]):
         result = qc.register(*sides, {"curves": curves}, features=None, accept_suspect=True)
     return (sides[0].faces, result.disk_map, result.report["bijective"], above(problems[-1], result.disk_map))
 
