@@ -24,8 +24,7 @@ def connect(scheduler, workers):
     # A failed client that is collected while the next one is made would wait for its lock forever.
     gc.collect()
     if scheduler is None:
-        # dask has its workers hand memory back at once, and methods then wait for pages: up to a
-        # third of their time.
+        # Else workers hand memory back at once, and methods wait for pages: a third of their time.
         with (
             dask.config.set({"distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None}),
             LocalCluster(n_workers=workers, **LOCAL) as cluster,
@@ -78,11 +77,10 @@ def finished(client, tasks, methods, grown, limit):
     import cloudpickle
     from distributed import as_completed
 
-    futures, pairs = {}, {}
+    futures, pairs, more = {}, {}, {mapped_subject: grown}
     for spec, run in tasks:
         if spec not in pairs:  # its sides are futures that pairs share
-            parts = [(*one, *(grown if one[0] is mapped_subject else ())) for one in spec.sides]
-            sides = [client.submit(*part) for part in parts]
+            sides = [client.submit(*one, *more.get(one[0], ())) for one in spec.sides]
             pairs[spec] = client.submit(spec.make, *sides, *spec.options)
         method = methods[run.method]
         if method is METHODS.get(run.method):
@@ -99,5 +97,4 @@ def finished(client, tasks, methods, grown, limit):
             raise BenchmarkError(lost)
         row = {"set": spec.set, "pair": spec.pair, "run": run.name, "method": run.method}
         row |= {"parameters": run.parameters, "landmarks": run.landmarks}
-        broken = future.status == "error"
-        yield row | (failed(future.exception()) if broken else future.result())
+        yield row | (failed(future.exception()) if future.status == "error" else future.result())

@@ -235,10 +235,15 @@ def test_other_counts_and_sets_are_refused(subjects, sets, message):
 
 
 def test_the_sets_problems():
-    specs = problems(3, ["cohort", "displacement", "fsaverage5"])
+    specs = problems(3, ["cohort", "displacement", "fsaverage5", "heldout", "warp"])
     assert [spec.pair for spec in specs if spec.set == "cohort"] == [f"{seed} to 2001" for seed in (1001, 1002, 1003)]
     assert {spec.options[0] for spec in specs if spec.set == "displacement"} == {0.05, 0.1, 0.2, 0.3, 0.4}
-    assert len({(spec.set, spec.pair) for spec in specs}) == len(specs) == 14
+    held = [spec.pair for spec in specs if spec.set == "heldout"]
+    assert held == [f"{way}, {half} half" for way in ("right to left", "left to right") for half in ("first", "second")]
+    warps = [f"{name}, {size} mm" for name in ("fsaverage5", "synthetic") for size in (6, 9, 12)]
+    assert [spec.pair for spec in specs if spec.set == "warp"] == warps
+    assert all(spec.seeds == [2001] for spec in specs if "synthetic" in spec.pair)
+    assert len({(spec.set, spec.pair) for spec in specs}) == len(specs) == 24
 
 
 def test_every_run_of_the_table_is_known_and_every_method_has_one():

@@ -169,18 +169,6 @@ def test_a_warp_has_its_size_and_a_known_map(sides, once):
     assert np.sqrt((off**2).mean()) == pytest.approx(6)
 
 
-def test_the_sets_on_real_cortex():
-    specs = problems(1, ["heldout", "warp"])
-    assert [spec.pair for spec in specs] == [
-        "right to left, first half",
-        "right to left, second half",
-        "left to right, first half",
-        "left to right, second half",
-        *(f"{name}, {size} mm" for name in ("fsaverage5", "synthetic") for size in (6, 9, 12)),
-    ]
-    assert all(spec.seeds == [2001] for spec in specs if "synthetic" in spec.pair)
-
-
 def test_a_folder_of_people_is_each_onto_each_other(tmp_path, sides, once):
     for name, side in zip("ab", sides):
         write_surface(tmp_path / f"{name}.npz", side.surface)
@@ -198,13 +186,3 @@ def test_a_folder_of_people_is_each_onto_each_other(tmp_path, sides, once):
     (tmp_path / "b.npz").unlink()
     with pytest.raises(BenchmarkError, match="1 files \\*.npz; give at least two open hemispheres"):
         problems(1, [f"folder:{tmp_path}"])
-
-
-def test_a_way_back_that_fails_is_told(pair, once):
-    def one_way(problem):
-        if problem.pair.moving.surface is not pair.moving.surface:
-            raise RuntimeError("no way back")
-        return pair.control.disk.z
-
-    row = trial(pair, Run("one way", "one_way"), one_way)
-    assert row["status"] == "failed" and "no way back" in row["message"]

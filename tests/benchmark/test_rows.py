@@ -100,20 +100,6 @@ def test_a_journal_of_other_settings_is_refused(out, changed):
         Journal(out, SETTINGS | {changed: "another"})
 
 
-def test_what_is_no_journal_is_refused_and_left_alone(out):
-    notes = Path(f"{out}.partial")
-    notes.write_text("my notes\n")
-    with pytest.raises(BenchmarkError, match="partial: cannot be used .File exists.; give another folder"):
-        Journal(out, SETTINGS)
-    assert notes.read_text() == "my notes\n"
-    notes.unlink()
-    notes.mkdir()
-    (notes / "mine.txt").write_text("my notes\n")
-    with pytest.raises(BenchmarkError, match="holds files, but no settings.json of a run"):
-        Journal(out, SETTINGS)
-    assert [path.name for path in notes.iterdir()] == ["mine.txt"]
-
-
 def test_a_disk_that_fills_leaves_no_half_of_a_row(out, monkeypatch):
     def full(place, data):
         raise OSError(errno.ENOSPC, "No space left on device")

@@ -67,9 +67,8 @@ def closed(surface):
     Delaunay's triangles, and each coordinate is the harmonic function of its values on the rim.
     """
     rim = surface.boundary[::-1]  # around the patch, seen from outside
-    steps = np.linalg.norm(
-        np.roll(surface.vertices[rim], -1, axis=0) - surface.vertices[rim], axis=1
-    )
+    edges = np.roll(surface.vertices[rim], -1, axis=0) - surface.vertices[rim]
+    steps = np.linalg.norm(edges, axis=1)
     count = len(rim)
     radius = 1.0
     rings = [np.exp(2j * np.pi * np.append(0, np.cumsum(steps[:-1])) / steps.sum())]
@@ -112,9 +111,8 @@ def facing(whole, points):
         )
     areas = whole.vertex_areas
     out = whole.vertices - np.average(whole.vertices, axis=0, weights=areas)
-    return Rotation.align_vectors(out / np.linalg.norm(out, axis=1)[:, None], unit, weights=areas)[
-        0
-    ].apply(unit)
+    out /= np.linalg.norm(out, axis=1, keepdims=True)
+    return Rotation.align_vectors(out, unit, weights=areas)[0].apply(unit)
 
 
 def unit_points(points, whole, whose):
