@@ -7,6 +7,7 @@ import re
 import nibabel
 import numpy as np
 import pytest
+import pyvista
 
 import qclearn as qc
 from commands import BALL, NAMES, everything, label, made, refused, run  # noqa: F401 (made: a fixture)
@@ -237,93 +238,6 @@ def test_only_the_cortex_is_checked_where_a_label_names_it(made, tmp_path):
     assert ours.numbering.count == 642 and ours.is_whole
 
 
-def in_pieces(folder):
-    """Two caps, without the ring between them."""
-    label(folder / "lh.bad.label", np.flatnonzero(abs(qc.read_surface(folder / "lh.pial").vertices[:, 0]) > 10))
-    return "lh.bad.label"
-
-
-def with_a_hole(folder):
-    whole = qc.read_surface(folder / "lh.pial")
-    cortex = ~qc.read_mask(folder / "lh.cortex.label", whole, keep=True)
-    label(folder / "lh.bad.label", np.flatnonzero(cortex & (whole.vertices[:, 2] < 45)))
-    return "lh.bad.label"
-
-
-@pytest.mark.parametrize("spoil, message", [
-    (in_pieces, "lh.bad.label: is in pieces: .*repair the label"),
-    (with_a_hole, "lh.bad.label: has holes of .*repair the label"),
-    (lambda _: "rh.cortex.label", "rh.cortex.label: is of the right hemisphere, .*lh.pial of the left one"),
-])  # fmt: skip
-def test_labels_of_the_cortex_that_do_not_fit_are_one_line(made, tmp_path, capsys, spoil, message):
-    name = spoil(made)
-    words = [made / name if word == made / "lh.cortex.label" else word for word in to_register(made)]
-    assert re.search(message, refused(capsys, tmp_path, *words, "--out", tmp_path / "out"))
-    if name == "rh.cortex.label":
-        words = "--mask", made / name, "--keep", "--out", tmp_path / "x.npz"
-        assert re.search(message, refused(capsys, tmp_path, "open", made / "lh.pial", *words))
-
-
-def test_what_belongs_to_another_surface_is_one_line(made, registered, tmp_path, capsys):
-    words = "transfer", registered / "registration.npz"
-    np.save(tmp_path / "other.npy", np.zeros(700))
-    for values, message in (
-        (made / "lh.sulc", "lh.sulc: is of the left hemisphere, the moving surface of the right one"),
-        (tmp_path / "other.npy", r"700 values for \d+ vertices .*, 642 before it was cut open"),
-    ):
-        to = "--to", "control", "--out", tmp_path / "there.npy"
-        assert re.search(message, refused(capsys, tmp_path, *words, values, *to))
-    (tmp_path / "cortex.shape.gii").write_bytes((registered / "registered.surf.gii").read_bytes()[:50])
-    line = refused(capsys, tmp_path, *words, made / "rh.sulc", *to)
-    assert "cortex.shape.gii" in line
-    to = "--nearest", "--wall", "nan", *to
-    assert "--wall nan: labels" in refused(capsys, tmp_path, *words, made / "rh.aparc.annot", *to)
-
-
-def test_a_map_that_is_not_finite_on_the_cortex_is_named_in_whole_numbers(made, tmp_path, capsys):
-    sulc = qc.read_values(made / "rh.sulc")
-    vertex = int(np.flatnonzero(np.isfinite(sulc))[-1])
-    sulc[vertex] = np.nan
-    np.save(tmp_path / "rh.bad.npy", sulc)
-    words = "--feature", tmp_path / "rh.bad.npy", made / "lh.sulc", "--out", tmp_path / "out"
-    line = refused(capsys, tmp_path, *to_register(made, *words))
-    assert f"rh.bad.npy: not finite on the cortex at vertices [{vertex}]" in line
-
-
-def test_landmarks_on_the_wall_are_one_line(made, tmp_path, capsys):
-    landmarks = json.loads((made / "landmarks.json").read_text())
-    vertex = int(qc.read_surface(made / "rh.pial").vertices[:, 2].argmin())
-    landmarks["curves"][0]["moving"][0] = vertex
-    (tmp_path / "l.json").write_text(json.dumps(landmarks))
-    line = refused(capsys, tmp_path, *to_register(made, "--landmarks", tmp_path / "l.json", "--out", tmp_path / "o"))
-    assert f"curve 'one', moving side: vertices [{vertex}] lie on the medial wall" in line
-
-
-def test_a_whole_surface_without_a_label_and_an_open_one_with_one_are_one_line(made, cut, tmp_path, capsys):
-    line = refused(capsys, tmp_path, "register", made / "rh.pial", made / "lh.pial", "--out", tmp_path / "out")
-    assert re.search("closed .*--cortex", line)
-    words = "--cortex", made / "rh.cortex.label", "--out", tmp_path / "out"
-    line = refused(capsys, tmp_path, "register", cut / "rh.open.npz", made / "lh.pial", *words)
-    assert "rh.open.npz is open already" in line
-    words = "--control-cortex", made / "lh.cortex.label", "--out", tmp_path / "out"
-    line = refused(capsys, tmp_path, "register", cut / "rh.open.npz", "fsaverage5:left", *words)
-    assert "fsaverage5:left is cut at its own medial wall" in line
-
-
-def test_a_surface_with_a_handle_is_one_line(tmp_path, capsys):
-    """A torus has one; its cut leaves it there."""
-    import pyvista
-
-    torus = pyvista.ParametricTorus(u_res=30, v_res=20).triangulate().clean(tolerance=1e-6)
-    surface = qc.Surface(torus.points, torus.regular_faces)
-    surface = surface if surface.volume > 0 else qc.Surface(torus.points, torus.regular_faces[:, ::-1])
-    qc.write_surface(tmp_path / "lh.torus", surface)
-    label(tmp_path / "lh.cortex.label", np.flatnonzero(surface.vertices[:, 0] < 1.3))
-    words = "lh.torus", "fsaverage5:left", "--cortex", "lh.cortex.label", "--out", "out"
-    words = [tmp_path / word if word.startswith("lh.") else word for word in words]
-    assert re.search("1 handle .*mris_fix_topology", refused(capsys, tmp_path, "register", *words))
-
-
 def test_fsaverage5_goes_by_its_name():
     left = read_hemisphere("fsaverage5:left")
     assert left.is_whole and left.numbering.known and left.frame.side == "left" and left.frame.kind == "Pial"
@@ -347,8 +261,70 @@ def test_vertices_on_the_rim_of_a_label_may_go(made, tmp_path):
     assert hanging[0] not in found.original_vertices and len(found.vertices) < len(disk.vertices)
 
 
-def test_open_says_what_goes(made, tmp_path, capsys):
-    in_pieces(made)
-    run("open", made / "lh.pial", "--mask", made / "lh.bad.label", "--keep", "--out", tmp_path / "x.npz")
+@pytest.fixture(scope="module")
+def bad(made, tmp_path_factory):
+    """A folder with labels, maps and landmarks that do not fit the two whole surfaces, and a torus;
+    the vertex where the map is not finite, and the one of the landmarks on the wall."""
+    folder = tmp_path_factory.mktemp("bad")
+    left, right = (qc.read_surface(made / f"{side}.pial") for side in ("lh", "rh"))
+    cortex = ~qc.read_mask(made / "lh.cortex.label", left, keep=True)
+    label(folder / "lh.pieces.label", np.flatnonzero(abs(left.vertices[:, 0]) > 10))  # two caps
+    label(folder / "lh.hole.label", np.flatnonzero(cortex & (left.vertices[:, 2] < 45)))
+    np.save(folder / "other.npy", np.zeros(700))
+    sulc = qc.read_values(made / "rh.sulc")
+    vertex, wall = int(np.flatnonzero(np.isfinite(sulc))[-1]), int(right.vertices[:, 2].argmin())
+    sulc[vertex] = np.nan
+    np.save(folder / "rh.bad.npy", sulc)
+    landmarks = json.loads((made / "landmarks.json").read_text())
+    landmarks["curves"][0]["moving"][0] = wall
+    (folder / "landmarks.json").write_text(json.dumps(landmarks))
+    torus = pyvista.ParametricTorus(u_res=30, v_res=20).triangulate().clean(tolerance=1e-6)
+    surface = qc.Surface(torus.points, torus.regular_faces)
+    surface = surface if surface.volume > 0 else qc.Surface(torus.points, torus.regular_faces[:, ::-1])
+    qc.write_surface(folder / "lh.torus", surface)
+    label(folder / "lh.torus.label", np.flatnonzero(surface.vertices[:, 0] < 1.3))
+    return folder, vertex, wall
+
+
+PAIR = "register {made}/rh.pial {made}/lh.pial --cortex {made}/rh.cortex.label --mirror --control-cortex "
+WHOLE = PAIR + "{made}/lh.cortex.label "
+CARRY = "transfer {out}/registration.npz {made}/rh.aparc.annot --to control "
+
+
+@pytest.mark.parametrize(
+    "words, message",
+    [
+        (PAIR + "{bad}/lh.pieces.label", "lh.pieces.label: is in pieces: .*repair the label"),
+        (PAIR + "{bad}/lh.hole.label", "lh.hole.label: has holes of .*repair the label"),
+        (PAIR + "{made}/rh.cortex.label", "rh.cortex.label: is of the right hemisphere, .*lh.pial of the left one"),
+        (WHOLE + "--feature {bad}/rh.bad.npy {made}/lh.sulc", r"rh.bad.npy: not finite on the cortex .*\[{vertex}\]"),
+        (WHOLE + "--landmarks {bad}/landmarks.json", r"'one', moving side: .*\[{wall}\] lie on the medial wall"),
+        ("register {made}/rh.pial {made}/lh.pial", "closed .*--cortex"),
+        ("register {cut}/rh.open.npz {made}/lh.pial --cortex {made}/rh.cortex.label", "rh.open.npz is open already"),
+        ("register {cut}/rh.open.npz fsaverage5:left --control-cortex {made}/lh.cortex.label", "its own medial wall"),
+        ("register {bad}/lh.torus fsaverage5:left --cortex {bad}/lh.torus.label", "1 handle .*mris_fix_topology"),
+        ("open {made}/lh.pial --mask {made}/rh.cortex.label --keep", "is of the right hemisphere, .* of the left one"),
+        (CARRY.replace("rh.aparc.annot", "lh.sulc"), "is of the left hemisphere, the moving surface of the right"),
+        (CARRY.replace("{made}/rh.aparc.annot", "{bad}/other.npy"), r"700 values for \d+ vertices .*, 642 before"),
+        (CARRY + "--nearest --wall nan", "--wall nan: labels"),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_is_one_line(made, registered, cut, bad, tmp_path, capsys, words, message):
+    folder, vertex, wall = bad
+    words = words.format(made=made, cut=cut, bad=folder, out=registered).split()
+    out = {"register": "out", "open": "x.npz", "transfer": "x.npy"}[words[0]]
+    line = refused(capsys, tmp_path, *words, "--out", tmp_path / out)
+    assert re.search(message.replace("{vertex}", str(vertex)).replace("{wall}", str(wall)), line)
+
+
+def test_another_cortex_beside_a_map_stays(made, registered, tmp_path, capsys):
+    (tmp_path / "cortex.shape.gii").write_bytes((registered / "registered.surf.gii").read_bytes()[:50])
+    words = "transfer", registered / "registration.npz", made / "rh.sulc", "--to", "control"
+    assert "cortex.shape.gii" in refused(capsys, tmp_path, *words, "--out", tmp_path / "there.npy")
+
+
+def test_open_says_what_goes(made, bad, tmp_path, capsys):
+    mask = "--mask", bad[0] / "lh.pieces.label", "--keep"
+    run("open", made / "lh.pial", *mask, "--out", tmp_path / "x.npz")
     assert re.search(r"\d+ vertices outside the mask go: they lie apart", capsys.readouterr().out)
     assert everything(tmp_path) == ["x.npz"]
