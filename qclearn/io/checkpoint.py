@@ -40,11 +40,19 @@ class Checkpoint:
             raise error(
                 f"{path}: holds files, but no {record} of a run; empty it, or give another folder"
             )
-        differing = ", ".join(_differing(stored or settings, settings))
-        if differing:
+        # settings that differ are named, those of a group as group.name
+        old, new = (
+            {
+                f"{name}.{inner}".rstrip("."): value
+                for name, group in one.items()
+                for inner, value in (group if isinstance(group, dict) else {"": group}).items()
+            }
+            for one in (stored or settings, settings)
+        )
+        if differing := [name for name in sorted(old | new) if old.get(name) != new.get(name)]:
             raise error(
-                f"{path}: begun with other settings ({differing} differ): give the same or "
-                "another place"
+                f"{path}: begun with other settings ({', '.join(differing)} differ): give the same "
+                "or another place"
             )
         self.write(record, json.dumps(settings, indent=1).encode())
 
@@ -81,14 +89,3 @@ class Checkpoint:
             data = json.dumps(make()).encode()
             self.write(name, data)
         return json.loads(data)
-
-
-def _differing(stored, settings):
-    """Names of the settings that differ, those of a group as group.name."""
-    for name in sorted(stored | settings):
-        old = stored.get(name)
-        new = settings.get(name)
-        if isinstance(old, dict) and isinstance(new, dict):
-            yield from (f"{name}.{inner}" for inner in _differing(old, new))
-        elif old != new:
-            yield name
