@@ -145,7 +145,7 @@ def register(
     tolerance, weights = check_options(
         method, sliding, tolerance, features, Weights(alpha, beta, gamma), delta, eta, uncertainty
     )
-    fitted, held = check_landmarks(moving, control, curves, method, features, hold_out)
+    fitted, held = given_curves(moving, control, curves, method, features, hold_out)
     stages = Stages(STAGES[method][features is not None] + uncertainty, progress)
     networks = {}
     if method == "network":
@@ -269,7 +269,7 @@ def check_options(method, sliding, tolerance, features, weights, delta, eta, unc
     return tolerance, weights
 
 
-def check_landmarks(moving, control, curves, method, features, hold_out):
+def given_curves(moving, control, curves, method, features, hold_out):
     """The `Curve`s of a call: those to fit and those held out. SurfaceError unless both surfaces
     are disks that look outward, LandmarkError where curves are wrong or missing."""
     for surface in (moving, control):
