@@ -230,14 +230,17 @@ def bulged(vertices):
 def test_what_is_not_the_controls_sphere(vertices, faces, fault):
     with pytest.raises(qc.SurfaceError, match=fault):
         unit_sphere(qc.Surface(vertices, faces), BALL.faces)
-
-
-def test_a_sphere_of_another_count_and_one_of_any_radius():
-    with pytest.raises(qc.SurfaceError, match="642 vertices and 1280 faces, where the control has 10242 and 20480"):
-        unit_sphere(BALL, whole_fsaverage5("left", "sphere").faces)
     for radius in (1, 100):
         scaled = qc.Surface(radius * BALL.vertices, BALL.faces)
         np.testing.assert_allclose(unit_sphere(scaled, BALL.faces), BALL.vertices, atol=1e-6)
+
+
+def test_a_sphere_or_a_whole_surface_of_other_counts_is_refused(maps):
+    ball = whole_fsaverage5("left", "sphere")
+    with pytest.raises(qc.SurfaceError, match="642 vertices and 1280 faces, where the control has 10242 and 20480"):
+        unit_sphere(BALL, ball.faces)
+    with pytest.raises(qc.SurfaceError, match="10242 vertices, 20479 faces.*boundary or handles"):
+        registered_sphere(maps | {"whole_faces_moving": maps["whole_faces_moving"][:-1]}, ball)
 
 
 def test_the_command_refuses_in_one_line(written, tmp_path, capsys, maps):
@@ -250,12 +253,6 @@ def test_the_command_refuses_in_one_line(written, tmp_path, capsys, maps):
     write_registration(tmp_path / "cut.npz", cut)
     words = ("sphere", tmp_path / "cut.npz", "fsaverage5:left", "--out", tmp_path / "x")
     assert "cut.npz: the whole control surface is not known" in refused(capsys, tmp_path, *words)
-
-
-def test_a_surface_with_a_boundary_or_handles_has_no_sphere(maps):
-    opened = maps["whole_faces_moving"][:-1]
-    with pytest.raises(qc.SurfaceError, match="10242 vertices, 20479 faces.*boundary or handles"):
-        registered_sphere(maps | {"whole_faces_moving": opened}, whole_fsaverage5("left", "sphere"))
 
 
 def test_register_writes_the_sphere_and_refuses_a_wrong_one_first(made, tmp_path, capsys):

@@ -138,19 +138,6 @@ def test_the_largest_piece_is_kept():
     np.testing.assert_array_equal(index, np.flatnonzero(height(surface) <= 0.4))
 
 
-def test_a_hole_that_touches_the_opening_in_a_vertex_joins_it():
-    """Beside (3, 4) a hole at (4, 4) is filled; where the wall reaches (2, 4), two fans are left at
-    (3, 4)."""
-    surface = closed_grid()
-    wall = np.append(block(*[(i, j) for i in (0, 1) for j in range(9)]), True)
-    hole, bump = np.append(block((4, 4)), False), np.append(block((2, 4)), False)
-    _, apart = open_surface(surface, wall | hole)
-    opened, touching = open_surface(surface, wall | bump | hole)
-    for vertex in (2 * 9 + 4, 3 * 9 + 4, 4 * 9 + 4):
-        assert vertex in apart and vertex not in touching
-    assert len(chords(opened)) == 0
-
-
 def test_a_vertex_on_the_rim_of_two_fans_keeps_the_larger():
     """Two gaps that meet in the tip of a cone of 32 faces leave 10 of them on one side and 18 on
     the other."""
