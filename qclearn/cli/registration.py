@@ -148,7 +148,7 @@ def register_into(out, sides, mirrored, curves, sphere=None, *, report, accept_s
     if it is suspect.
 
     mirrored: whether the moving one is mirrored first; curves: with the numbers of the surfaces as
-    given; sphere: the control's `ControlSphere`, or None; report: also write the page. options: go
+    given; sphere: the control's, as of `read_sphere`, or None; report: also write the page. options: go
     straight to `qclearn.register`, under its names.
     """
     from ..plot import registration_figure

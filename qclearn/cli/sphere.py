@@ -1,7 +1,5 @@
 """`qclearn sphere`: the whole registered hemisphere on the control's sphere."""
 
-from typing import NamedTuple
-
 import click
 import numpy as np
 
@@ -70,28 +68,21 @@ def sphere(registration, control_sphere, out):
     say(f"{out}: {line}")
 
 
-class ControlSphere(NamedTuple):
-    """The control's sphere, and the hemisphere that its file names."""
-
-    surface: qc.Surface
-    side: str | None
-
-
 def read_sphere(path, faces, side):
-    """The `ControlSphere` of a file or of a name such as fsaverage5:left; SurfaceError, with the
-    path, where it cannot be that of a control with these whole `faces` (F, 3) of the hemisphere
-    `side`."""
+    """The control's sphere of a file or of a name such as fsaverage5:left, and the hemisphere that
+    it names; SurfaceError, with the path, where it cannot be that of a control with these whole
+    `faces` (F, 3) of the hemisphere `side`."""
     named = NAMED.fullmatch(str(path))
     own = named[1] if named else frame_of(path).side
     surface = whole_fsaverage5(own) if named else qc.read_surface(path)
     require_side(path, own, side, "the control")
     with naming(path):
         unit_sphere(surface, faces)
-    return ControlSphere(surface, own or side)
+    return surface, own or side
 
 
 def sphere_of(sides, path):
-    """The `ControlSphere` for two `Hemisphere`s, dict side -> one, that will be registered."""
+    """`read_sphere` for two `Hemisphere`s, dict side -> one, that will be registered."""
     for side, one in sides.items():
         with naming(one.path):
             require_whole(side, one.cut_surface.original_vertices, one.frame.whole)
@@ -100,11 +91,12 @@ def sphere_of(sides, path):
 
 
 def write_sphere(folder, arrays, given):
-    """Write a registration's sphere on a `ControlSphere`, and its distortion; a line on it."""
-    surface, moved, rings = registered_sphere(arrays, given.surface)
-    frame, own = Frame(given.side, kind="Spherical"), frame_of_side(arrays, "moving").side
-    if frame.side is None:
-        frame = Frame(OTHER[own] if arrays["mirrored"] else own, kind="Spherical")
+    """Write a registration's sphere on the control's, as of `read_sphere`, and its distortion; a
+    line on it."""
+    ball, side = given
+    surface, moved, rings = registered_sphere(arrays, ball)
+    own = frame_of_side(arrays, "moving").side
+    frame = Frame(side or (OTHER[own] if arrays["mirrored"] else own), kind="Spherical")
     for name in SPHERE_FILES:
         qc.write_surface(folder / name, surface, frame=frame)
     # In single precision, as the files store them.
