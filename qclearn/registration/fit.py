@@ -232,36 +232,37 @@ def report_fit(objective, state, steps):
     ):
         if term is not None:
             losses[name] = float((term.residual(state.f) ** 2).sum() / weight)
-    messages = solver_messages(state.solution, state.switched)
-    result = checked(objective.problem, state.f, state.mobius, messages, state.switched)
+    result = checked(objective.problem, state.f, state.mobius, state.solution, state.switched)
     return LandmarkFit(**vars(result), steps=steps, losses=losses)
 
 
-def checked(problem, f, parameters, fallbacks=(), switched=0):
-    """The CheckedMap of a problem's map f (V,), which includes the Möbius map of these
-    parameters; it may fold."""
+def checked(problem, f, parameters, solver=None, switched=0):
+    """The CheckedMap of a problem's map f (V,), which includes the Möbius map of these parameters;
+    it may fold. solver, switched: what made f, and how many rows its repair switched."""
     certificate, mu = problem.disk.certify(f), problem.disk.coefficient(f)
     off = abs(problem.samples @ f - problem.target)
     error = float(off.mean()) if len(off) else 0.0
+    raised = 0 if solver is None else solver.floored
+    repairs = {"rows switched": switched, "boundary steps raised": raised}
     return CheckedMap(
-        f,
-        mu,
-        parameters,
-        error,
-        certificate.bijective,
-        certificate.flipped,
-        tuple(fallbacks),
-        switched,
+        f=f,
+        mu=mu,
+        mobius=parameters,
+        landmark_error=error,
+        bijective=certificate.bijective,
+        flipped=certificate.flipped,
+        fallbacks=tuple(f"{count} {name}" for name, count in repairs.items() if count),
+        switched=switched,
     )
 
 
-def moved_map(problem, f, fallbacks=()):
+def moved_map(problem, f, solver=None):
     """M after f (V,), M the disk Möbius map with the least `mean |M(f(p)) - q|^2`: CheckedMap,
     not repaired."""
     parameters = best_mobius(problem.samples @ f, problem.target)
     f = mobius(f, *parameters)
     f[problem.disk.loop] /= abs(f[problem.disk.loop])
-    return checked(problem, f, parameters, fallbacks)
+    return checked(problem, f, parameters, solver)
 
 
 def exact_map(problem, mu):
@@ -269,17 +270,11 @@ def exact_map(problem, mu):
     folds; the CheckedMap may fold even then."""
     solver = DiskSolver(problem.disk)
     f = solver.solve(mu)
-    result = moved_map(problem, f, solver_messages(solver))
+    result = moved_map(problem, f, solver)
     if result.bijective:
         return result
     f, rows, _ = unfold(solver, mobius(f, *result.mobius))
-    return checked(problem, f, result.mobius, solver_messages(solver, len(rows)), len(rows))
-
-
-def solver_messages(solver, switched=0):
-    """What a solver's last map needed to stay one, as messages."""
-    repairs = {"rows switched": switched, "boundary steps raised": solver.floored}
-    return tuple(f"{count} {name}" for name, count in repairs.items() if count)
+    return checked(problem, f, result.mobius, solver, len(rows))
 
 
 def fit_with_fallbacks(problem, weights, start_mu=None, enough=0.0, features=None):

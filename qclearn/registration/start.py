@@ -28,7 +28,7 @@ from .features import (
     standardised,
 )
 from .levels import COARSE_MM, run_level
-from .problem import LandmarkError, Problem, distinct, meeting
+from .problem import LandmarkError, Problem, meeting
 
 # Crude spheres: the scale in mm at which a hemisphere has no folds and still its shape; degrees by
 # which they are turned about each axis of space, from coarse to fine; cells per radius of the grid
@@ -153,8 +153,8 @@ def sample_lines(own, lines):
 
 
 def distinct_landmarks(curves, p, q):
-    """The landmarks of (10 K,) to fit, (k,) int: `distinct`, or LandmarkError where two meet on one
-    side only."""
+    """The landmarks of (10 K,) to fit, (k,) int, such that each point counts once; LandmarkError
+    where two meet on one side only."""
     meet_p = meeting(p)
     torn = np.argwhere(meet_p != meeting(q))
     if len(torn):
@@ -164,7 +164,7 @@ def distinct_landmarks(curves, p, q):
             f"curves {first!r} and {second!r} share a point on the {side} side only, and a "
             "bijection cannot part points; let them meet on both sides or on neither"
         )
-    return distinct(p, q)
+    return np.flatnonzero(~meet_p.any(0))
 
 
 class Directions(Features):

@@ -260,12 +260,6 @@ def test_a_fit_above_the_best_mobius_map_is_not_returned():
     assert found.fallbacks == ("the fit ended above the best Möbius map: that map is returned",)
 
 
-def test_an_objective_that_is_no_number_is_not_below(monkeypatch):
-    monkeypatch.setattr("qclearn.registration.gauss_newton.GaussNewtonObjective.value", lambda *_: np.nan)
-    found = fit_registration(no_landmarks(), Weights(delta=0.3), features_of(TWIST), levels=[Level(8, 4.0, 0, "own")])
-    assert found.fallbacks == ("the fit ended above the best Möbius map: that map is returned",)
-
-
 @pytest.mark.parametrize("plain, fitted, words", [(1, 1, "that"), (0, 0, "that"), (1, 0, "that"), (0, 1, "kept")])
 def test_a_mobius_map_that_alone_folds_the_mesh_is_not_returned(twisted, plain, fitted, words, monkeypatch):
     fits = [replace(twisted, bijective=bool(one)) for one in (fitted, plain)]

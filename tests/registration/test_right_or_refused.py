@@ -7,7 +7,9 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
-from test_register import bowl, entries, spoke
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from test_register import bowl, spoke
 
 import qclearn as qc
 from meshes import boundary_loop, random_disk
@@ -19,10 +21,9 @@ from qclearn.plane.grids import polar, polar_disk
 from qclearn.plane.mobius import best_mobius, mobius
 from qclearn.plane.solver import CoefficientMesh
 from qclearn.registration import register as pipeline
-from qclearn.registration.fit import fit_landmarks
+from qclearn.registration.fit import fit_landmarks, is_above
 from qclearn.registration.gauss_newton import DualStep, GaussNewtonObjective
 from qclearn.registration.problem import LandmarkError, Problem, Weights
-from qclearn.registration.report import measured_losses
 from qclearn.registration.transfer import transfer
 from qclearn.surfaces.surface import Surface, SurfaceError
 
@@ -117,19 +118,30 @@ ASTRAY = {
 }
 
 
-@pytest.mark.parametrize("case", ASTRAY)
-@pytest.mark.parametrize("mesh, gamma", [(SMALL, 1e2), (SMALL, 1e5), (COARSE, 1e5)], ids=["low", "usual", "coarse"])
-def test_a_fit_never_ends_above_the_best_mobius_map(case, mesh, gamma):
-    """Nor in a map that folds: steps that objectives alone choose would, of "permuted" on the coarse mesh."""
-    p, q = (np.asarray(side, complex) for side in ASTRAY[case])
+def drawn(seed, count):
+    """Landmarks that no map near the identity takes to theirs, spread anew or in another order."""
+    rng = np.random.default_rng(seed)
+    p = 0.8 * np.sqrt(rng.uniform(size=count)) * np.exp(2j * np.pi * rng.uniform(size=count))
+    return p, rng.permutation(p) if seed % 2 else rng.permutation(p * np.exp(2j * rng.normal()))
+
+
+landmarks = st.sampled_from(list(ASTRAY.values())) | st.builds(drawn, st.integers(0, 999), st.integers(1, 12))
+
+
+@given(landmarks, st.sampled_from([SMALL, COARSE]), st.sampled_from([1e2, 1e3, 1e5]))
+@example(ASTRAY["permuted"], COARSE, 1e5)  # where steps that objectives alone choose end in a fold
+@settings(max_examples=8, deadline=None)
+def test_a_fit_never_ends_above_the_best_mobius_map(points, mesh, gamma):
+    p, q = (np.asarray(side, complex) for side in points)
     fit = fit_landmarks(*mesh, p, q, gamma=gamma)
     samples, best = Disk(*mesh).interpolation(p), mobius(mesh[0], *best_mobius(p, q))
     square, floor = ((abs(samples @ f - q) ** 2).mean() for f in (fit.f, best))
     assert square <= floor * (1 + 1e-9) and fit.losses["L_CP"] <= gamma * floor * (1 + 1e-9)
     assert fit.bijective and check_bijective(*mesh, fit.f).bijective
-    if square == pytest.approx(floor, rel=1e-12):
+    if floor > 1e-20 and square == pytest.approx(floor, rel=1e-12):
         np.testing.assert_allclose(fit.f, best, atol=1e-14)
         assert fit.fallbacks[-1] == "the fit ended above the best Möbius map: that map is returned"
+    assert is_above([np.nan], [1.0])  # what is no number is not below
 
 
 def test_the_work_of_a_fit_of_wrong_landmarks_is_bounded():
@@ -181,29 +193,6 @@ def test_damped_steps_without_a_jacobian_are_shorter():
     assert type(step) is DualStep
     sizes = [objective.prior(step.propose(damping).nu) for damping in (0.0, 1, 10, 1e3)]
     assert (np.diff(sizes) < 0).all()
-
-
-@pytest.mark.parametrize("mistake", ["swapped", "reversed"])
-def test_a_registration_never_ends_above_the_best_mobius_map(mistake):
-    curves = entries(0)
-    if mistake == "swapped":
-        curves[0]["moving"], curves[1]["moving"] = curves[1]["moving"], curves[0]["moving"]
-    else:
-        for curve in curves:
-            curve["moving"] = curve["moving"][::-1]
-    result = register(bowl(0.6), bowl(0.9), curves, accept_suspect=True)
-    p, q = (
-        np.concatenate([qc.sample_curve(surface, curve[side]) @ z for curve in curves])
-        for surface, z, side in ((bowl(0.6), result.disk_moving, "moving"), (bowl(0.9), result.disk_control, "control"))
-    )
-    best = mobius(result.disk_moving, *best_mobius(p, q))
-    problem = Problem(Disk(result.disk_moving, result.faces_moving), p, q)
-    samples = problem.samples
-    square, floor = ((abs(samples @ f - q) ** 2).mean() for f in (result.disk_map, best))
-    assert square <= floor * (1 + 1e-9)
-    losses = measured_losses(problem, Weights(1.0, 1e-2, 1e5), result.mu, samples @ result.disk_map)
-    assert losses["L_CP"] <= 1e5 * floor * (1 + 1e-3)  # as measured on the mesh, where a Möbius map has a little |mu|
-    assert result.report["bijective"]
 
 
 # Wrong shapes and types
