@@ -15,8 +15,8 @@ LIVE = ".jupyter-widgets :is(button, input, select, textarea):not(:disabled)"
 THEME = """async (theme) => {
     document.documentElement.dataset.theme = theme;
     await new Promise(requestAnimationFrame);
-    const fades = document.getAnimations().filter((fade) => fade.effect.getComputedTiming().endTime < Infinity);
-    await Promise.allSettled(fades.map((fade) => fade.finished));
+    document.getAnimations().filter((fade) => fade.effect.getComputedTiming().endTime < Infinity)
+        .forEach((fade) => fade.finish());
     await new Promise(requestAnimationFrame);
 }"""
 SCREENS = 30  # of 1280 x 900, with what is folded closed: an hour's reading
