@@ -79,17 +79,13 @@ def middle_distance(one, other):
     return sum(d[len(d) // 5 : len(d) - len(d) // 5].mean() for d in far) / 2
 
 
-def folds_agree(pair, image, places):
-    """`correlations` of depth and curvature: "r_depth", "r_curvature"."""
+def agreement(pair, image, places):
+    """`correlations` of depth and curvature, "r_depth" and "r_curvature", and of held-out maps,
+    "r_maps": name -> r, None without any."""
     by_name = correlations(pair, (image, places), pair.moving.folds, pair.control.folds)
-    return {f"r_{name}": r for name, r in by_name.items()}
-
-
-def maps_agree(pair, image, places):
-    """`correlations` of held-out maps, name -> r; None without any."""
-    moving = {name: sides[0] for name, sides in pair.maps.items()}
-    control = {name: sides[1] for name, sides in pair.maps.items()}
-    return correlations(pair, (image, places), moving, control) or None
+    sides = [{name: values[k] for name, values in pair.maps.items()} for k in range(2)]
+    maps = correlations(pair, (image, places), *sides) or None
+    return {f"r_{name}": r for name, r in by_name.items()} | {"r_maps": maps}
 
 
 def correlations(pair, target, here, there):
@@ -136,8 +132,7 @@ def true_map(pair, locate):
     """The true map's own figures, by the names of TRUE_MAP."""
     image = OnDisk(pair.control, locate)
     places = locate(pair.truth_disk)
-    figures = log2_means(pair.moving.surface, pair.truth) | folds_agree(pair, image, places)
-    figures["r_maps"] = maps_agree(pair, image, places)
+    figures = log2_means(pair.moving.surface, pair.truth) | agreement(pair, image, places)
     return floors(pair) | {f"true_{name}": figures[name] for name in OWN}
 
 

@@ -30,9 +30,8 @@ LONG = 2.0
 NEAR = 10.0  # largest distance from a sulcus along the surface, mm
 ON_CIRCLE = 1e-6
 OF_RADIUS = "coverage", "rank", "curve_coverage", "curve_radius_mm", "curve_ratio_90"
-CORRESPONDENCE = ["correspondence_mm", "median_correspondence_mm", "p95_correspondence_mm"]
-CORRESPONDENCE += ["correspondence_sulci_mm"]
-WITHOUT_TRUTH = dict.fromkeys([*CORRESPONDENCE, *reference.TRUE_MAP])
+OF_TRUTH = "correspondence_mm", "median_correspondence_mm", "p95_correspondence_mm"
+OF_TRUTH += ("correspondence_sulci_mm", *reference.TRUE_MAP)
 
 
 def trial(pair, run, method):
@@ -214,12 +213,11 @@ def map_figures(pair, prepared, f, image, places, locate):
     figures |= measures.distortion_measures(moving, points)
     figures |= reference.log2_means(moving, points)
     figures |= reference.tails(moving, points)
-    figures |= reference.folds_agree(pair, image, places)
-    before = locate(mobius(problem.disk.z, *problem.mobius))
-    agreement = reference.folds_agree(pair, OnDisk(pair.control, locate), before)
-    figures |= {f"{name}_before": r for name, r in agreement.items()}
-    figures["r_maps"] = reference.maps_agree(pair, image, places)
-    figures |= WITHOUT_TRUTH
+    figures |= reference.agreement(pair, image, places)
+    moved = locate(mobius(problem.disk.z, *problem.mobius))
+    before = reference.agreement(pair, OnDisk(pair.control, locate), moved)
+    figures |= {f"{name}_before": before[name] for name in ("r_depth", "r_curvature")}
+    figures |= dict.fromkeys(OF_TRUTH)
     figures["reversed_on_sphere"] = reversed_on_sphere(pair, places, f)
     if pair.truth is not None:
         curves = [curve["moving"] for curve in (*pair.curves, *pair.held)]

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from ...registration.features import FINEST, SCALE
 from .folds import with_folds
-from .spheres import sphere_of
+from .spheres import SphereError
 
 # Degrees, half of the widths of the searches, one after the other.
 SPANS = 32.0, 16.0, 8.0, 4.0, 2.0, 1.0
@@ -23,7 +23,10 @@ def rotation(problem):
     SphereError where a surface has no sphere.
     """
     pair = with_folds(problem)
-    moving, control = sphere_of(pair.moving), sphere_of(pair.control)
+    moving, control = pair.moving.sphere, pair.control.sphere
+    if moving is None or control is None:
+        advice = "give each `ParameterizedSurface` a `sphere`"
+        raise SphereError(f"this method turns spheres, and the surfaces come without: {advice}")
     count = len(pair.moving.surface.vertices)
     judges = np.random.default_rng(0).permutation(count)[:JUDGES]
     points, areas = moving.points[judges], pair.features.areas[judges]

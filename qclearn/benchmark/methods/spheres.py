@@ -52,14 +52,6 @@ class Sphere:
         return facing(self.whole, inflated(self.whole) if self.given is None else self.given[1])
 
 
-def sphere_of(side):
-    """The `Sphere` of a `ParameterizedSurface`, or SphereError."""
-    if side.sphere is None:
-        advice = "give each `ParameterizedSurface` a `sphere`"
-        raise SphereError(f"this method turns spheres, and the surfaces come without: {advice}")
-    return side.sphere
-
-
 def closed(surface):
     """The surface with its opening closed by a patch; the open surface's vertices come first.
 
