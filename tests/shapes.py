@@ -97,28 +97,14 @@ def members_of(cls):
 
 
 def hold_class(cls):
-    """A class with its public methods held to their annotations, inherited ones too, and its
-    attributes once made."""
+    """A class with its making and its public methods held to their annotations, inherited ones too."""
     for owner, name, member in members_of(cls):
         if isinstance(member, cached_property):
             member.func = held(member.func)
         elif isinstance(member, property):
             setattr(owner, name, property(held(member.fget)))
-        elif inspect.isfunction(member) and not name.startswith("_"):
+        elif inspect.isfunction(member) and (name == "__init__" or not name.startswith("_")):
             setattr(owner, name, held(member))
-    make, attributes = held(cls.__init__), get_type_hints(cls)
-
-    @wraps(cls.__init__)
-    def init(self, *args, **kwargs):
-        make(self, *args, **kwargs)
-        with jaxtyped("context"):
-            wrong = [
-                name for name, hint in attributes.items() if not is_bearable(getattr(self, name), hint, conf=NUMBERS)
-            ]
-        if wrong:
-            raise ShapeError(f"{cls.__name__} has {', '.join(wrong)} that its annotations exclude")
-
-    cls.__init__ = init
 
 
 def hold(package):
