@@ -286,6 +286,7 @@ def test_a_parameter_without_a_value_is_refused():
         (["--subjects", "99"], "the cohort has 1 to 24"),
         (["--vertices", "10"], "10 vertices"),
         (["--workers", "0"], "at least one worker"),
+        (["--limit", "0"], "a limit above 0"),
     ],
 )
 def test_the_command_says_what_is_wrong_in_one_line(tmp_path, capsys, arguments, message):
