@@ -80,7 +80,7 @@ def train(network, preset, gamma, out, data, steps, seed, quick):
 @click.option("--scheduler", help="Address of a dask scheduler, `tcp://HOST:8786`.")
 @click.option("--workers", type=int, default=2, help="Processes, without --scheduler.")
 @click.option("--data", help="Folder of synthetic subjects  [default: the user's cache]")
-def benchmark(out, subjects, vertices, sets, methods, limit, fronts, scheduler, workers, data):
+def benchmark(out, methods, data, **options):
     """Run registration methods on the same problems and write all figures to one file.
 
     heldout and warp measure on real cortex: with held-out curves, and with the same folds in another
@@ -91,18 +91,7 @@ def benchmark(out, subjects, vertices, sets, methods, limit, fronts, scheduler, 
     from ..benchmark.runs import run_of
 
     runs = [run_of(text) for text in methods] or None
-    results = run_benchmark(
-        out,
-        subjects,
-        vertices,
-        sets,
-        runs,
-        scheduler=scheduler,
-        workers=workers,
-        folder=data,
-        fronts=fronts,
-        limit=limit,
-    )
+    results = run_benchmark(out, runs=runs, folder=data, **options)
     print(f"{'run':38} done  certified  " + "  ".join(FIGURES.values()))
     for name in results["settings"]["sets"]:
         print(f"{name}:")
