@@ -11,13 +11,16 @@ from test_register import bowl, entries
 
 import qclearn as qc
 from book.studies import calibrate_uncertainty
+from commands import made  # noqa: F401 (a fixture)
 from qclearn.benchmark.pairs import cohort_pair, mapped
 from qclearn.cli import main, registration
 from qclearn.io.hemisphere import read_hemisphere
 from qclearn.plane.disk import Disk
+from qclearn.registration.features import FOLDS
 from qclearn.registration.problem import Problem, Weights
-from qclearn.registration.uncertainty import Laplace, calibrated
+from qclearn.registration.uncertainty import ErrorRadius, Laplace, calibrated, uncertainty_report
 from subjects import grown
+from test_whole import to_register
 
 KEPT = calibrated()
 RINGS = 6
@@ -146,7 +149,7 @@ def test_what_is_no_radius_fails_the_same_checks(planted):
     assert fault == [] if planted == "right" else any("rank" in line for line in fault)
 
 
-def test_the_command_writes_the_radius_and_tells_it(tmp_path, capsys, monkeypatch, plain_figure):
+def test_the_command_writes_the_radius_and_tells_it(tmp_path, capsys, monkeypatch, plain_figure, made):  # noqa: F811
     """The file, the line, the report and the page; the radius is that of the call, to three digits."""
     results = []
     monkeypatch.setattr(
@@ -154,8 +157,8 @@ def test_the_command_writes_the_radius_and_tells_it(tmp_path, capsys, monkeypatc
         "run_registration",
         lambda *given, **options: results.append(qc.register(*given, **options)) or results[0],
     )
-    call = ["register", "fsaverage5:right", "fsaverage5:left", "--mirror", "--no-landmarks", "--out"]
-    main([*call, str(tmp_path / "sure"), "--uncertainty", "--report"])
+    options = "--no-features", "--landmarks", made / "landmarks.json", "--uncertainty", "--report"
+    main([*map(str, to_register(made, *options, "--out", tmp_path / "sure"))])
     assert "within" in capsys.readouterr().out
     report = json.loads((tmp_path / "sure" / "report.json").read_text(encoding="utf-8"))
     whole = qc.read_values(tmp_path / "sure" / "uncertainty.shape.gii")
@@ -163,11 +166,9 @@ def test_the_command_writes_the_radius_and_tells_it(tmp_path, capsys, monkeypatc
     (result,) = results
     np.testing.assert_allclose(radius, result.uncertainty, rtol=1e-3)
     assert report["uncertainty"]["mean_mm"] == pytest.approx(result.report["uncertainty"]["mean_mm"], rel=1e-3)
-    assert report["uncertainty"]["factors"] == KEPT["folds"]["factors"] and report["uncertainty"]["next"][
-        "vertex"
-    ] < len(whole)
+    assert report["uncertainty"]["factors"] == KEPT["landmarks"]["factors"]
+    assert np.isfinite(whole[report["uncertainty"]["next"]["vertex"]]) and len(whole) == 642 > len(radius)
     assert report["uncertainty"]["next"]["mean_mm"] < report["uncertainty"]["mean_mm"]
-    assert not report["uncertainty"]["calibrated_on"].startswith("uncalibrated")
     assert "nine in ten vertices" in (tmp_path / "sure" / "report.html").read_text(encoding="utf-8")
     assert np.median(radius) == pytest.approx(report["uncertainty"]["quantiles_mm"]["50"], rel=0.1)
 
@@ -179,9 +180,11 @@ def test_the_advice_on_one_more_curve_was_tried_where_the_truth_is_known():
     assert (told / before).mean() < min((lot / before).mean(), 1)
 
 
-def test_a_small_mesh_is_told_to_be_uncalibrated():
+@pytest.mark.parametrize("curves, features", [(entries(0), None), ([], FOLDS)], ids=["landmarks", "folds"])
+def test_a_small_mesh_is_told_to_be_uncalibrated(curves, features):
     surface = bowl(0.4)
-    found = qc.register(surface, surface, entries(0), features=None, uncertainty=True)
+    found = qc.register(surface, surface, curves, features=features, uncertainty=True)
+    assert found.report["uncertainty"]["factors"] == KEPT["folds" if features else "landmarks"]["factors"]
     assert found.report["seconds"]["uncertainty"] > 0
     assert found.report["uncertainty"]["calibrated_on"] == "uncalibrated below 6000 and beyond 20000 vertices"
 
@@ -195,3 +198,14 @@ def test_the_advised_vertex_is_told_in_the_numbers_of_the_surface_as_given(whole
     surface = side.given if whole else side.cut_surface
     told = report["uncertainty"]["next"]["vertex"]
     np.testing.assert_allclose(surface.vertices[told], side.cut_surface.vertices[5_000])
+
+
+@pytest.mark.parametrize("count, within", [(5_499, False), (5_501, True), (20_499, True), (20_501, False)])
+def test_the_sizes_for_which_it_is_calibrated_count_to_a_thousand(count, within):
+    surface = SimpleNamespace(vertices=np.zeros((count, 3)), vertex_areas=np.ones(count), area=count)
+    side = SimpleNamespace(surface=surface)
+    pair = SimpleNamespace(moving=side, control=side, features=None)
+    radius, told = uncertainty_report(ErrorRadius(np.full(count, 2.0), 7, 0.5), pair)
+    assert told["calibrated_on"].startswith("uncalibrated") != within
+    assert told["mean_mm"] == pytest.approx(radius[0]) == pytest.approx(2 * KEPT["landmarks"]["factors"]["90"])
+    assert told["next"] == {"vertex": 7, "mean_mm": pytest.approx(radius[0] / 2)}
