@@ -36,5 +36,6 @@ _attribute, __dir__, __all__ = lazy.attach(__name__, submod_attrs=MODULES)
 def __getattr__(name):
     """A name of MODULES, or the line of one that went."""
     if f"qclearn.{name}" in GONE:
-        raise AttributeError(gone(f"qclearn.{name}"))
+        # `from qclearn import ...` would replace the text of an AttributeError.
+        raise ImportError(gone(f"qclearn.{name}"))
     return _attribute(name)

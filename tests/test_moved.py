@@ -22,5 +22,7 @@ def test_a_command_or_an_option_that_went_names_what_stands_in_its_place(name, c
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_name_that_went_names_what_stands_in_its_place(name):
-    with pytest.raises(AttributeError, match=f"^{name} went with version 0.3: "):
-        getattr(qclearn, name.partition(".")[2])
+    package, short = name.split(".")
+    for use in (f"{package}.{short}", f"from {package} import {short}"):
+        with pytest.raises(ImportError, match=f"^{name} went with version 0.3: "):
+            exec(use, {"qclearn": qclearn})
