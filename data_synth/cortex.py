@@ -8,11 +8,9 @@ from qclearn.surfaces.surface import Surface
 
 from .fundus import trace, trim
 from .generations import GENERATION, GENERATIONS
-from .growth import GROWN, Sheet, depth_below, grow, hull_distance, neighbour_table
 from .individual import Individual, smooth_field
 from .pattern import pattern
 from .template import LONGEST
-from .tessellation import even_points, triangulate
 from .untangle import untangle
 
 HEMISPHERES = ("left", "right")
@@ -160,6 +158,8 @@ def growth_frames(seed, n_vertices=3_000, frames=20):
     All positions have the scale of the last, so that areas can be compared. CortexError as for
     `make_cortex`.
     """
+    from .growth import GROWN  # where something grows: numba takes a second to import
+
     _check(seed, n_vertices)
     m, film = Mechanics(), np.empty((frames - 1, n_vertices, 3))
     surface, _ = grown(Individual(seed, "left"), n_vertices, m, film=film)
@@ -172,6 +172,9 @@ def grown(person, n_vertices, mechanics=Mechanics(), clock=None, film=None):
     """The folded surface of an `Individual` with its curves, and its template points (V, 3).
 
     film (K, V, 3): becomes positions of its growth, as in `grow`, to the scale of the surface."""
+    from .growth import Sheet, depth_below, neighbour_table
+    from .tessellation import even_points, triangulate
+
     directions, rim = even_points(person.position, n_vertices, person.rng)
     rest, template = person.position(directions), person.template(directions)
     faces = triangulate(rim, rest, template)
@@ -197,6 +200,8 @@ def _fold(person, directions, template, held, sheet, mechanics, record):
     """Folded positions (V, 3), in units of half the hemisphere, and the distance field of the hull.
 
     record: the clock and the film that `grow` keeps."""
+    from .growth import grow, hull_distance
+
     m, guidance, count = mechanics, person.guidance, len(sheet.rest)
     # With n vertices an edge is as long as n^-1/2: these factors keep modulus and wavelength.
     ratio = count / 10_000
