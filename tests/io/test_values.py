@@ -227,9 +227,9 @@ def test_an_annotation_of_the_first_version_is_read(tmp_path):
 
 
 @pytest.mark.parametrize("entries, words", [
-    ([(0, "a", RED), (1, "b", GREEN), (2, "c", GREEN)], r"regions 'b' and 'c' have one colour, \[10, 200, 30\]"),
+    ([(0, "a", RED), (1, "b", GREEN), (2, "c", GREEN)], "the colour 2017290, of 'b' and 'c'; give each"),
     ([(0, "a", RED), (0, "b", GREEN)], "entry 0 of its table is no index, or is there twice"),
-    ([(0, "a", RED)], "the colour 2017290 of a vertex is that of none of its regions"), ([], "no colour table"),
+    ([(0, "a", RED)], "a vertex has the colour 2017290, of no region"), ([], "no colour table"),
     ([(0, "a", RED), (1, "b", (10, 300, 30))], "not a readable FreeSurfer annotation"),
 ])  # fmt: skip
 def test_annotations_that_name_no_region_for_sure_are_refused(tmp_path, entries, words):
