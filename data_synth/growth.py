@@ -6,8 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from .compiled import compiled
-from .template import CENTRE, area_vectors, unit
-from .tessellation import fibonacci_sphere
+from .template import CENTRE, area_vectors, fibonacci_sphere, unit
 
 GROWN = 0.85  # share of the steps after which the rest lengths grow no more
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from .tessellation import fibonacci_sphere
+from .template import fibonacci_sphere
 
 FILE = Path(__file__).with_name("pattern.json")
 COUNT = 6000  # directions, at which the depth is stored

@@ -81,6 +81,14 @@ def unit(vectors):
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
+def fibonacci_sphere(count):
+    """Nearly even unit vectors (count, 3)."""
+    k = np.arange(count) + 0.5
+    z, angle = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
+    r = np.sqrt(1 - z * z)
+    return np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
+
+
 def from_atlas(points):
     """Template directions (k, 3) of atlas points in mm with positive x lateral."""
     points = np.asarray(points, dtype=float)

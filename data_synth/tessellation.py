@@ -4,15 +4,16 @@ import numpy as np
 from scipy.spatial import ConvexHull, cKDTree
 
 from .compiled import compiled
-from .template import CENTRE, WALL_AXES, WALL_CENTRE, area_vectors, unit, wall_curve, wall_level
-
-
-def fibonacci_sphere(count):
-    """Nearly even unit vectors (count, 3)."""
-    k = np.arange(count) + 0.5
-    z, angle = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
-    r = np.sqrt(1 - z * z)
-    return np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
+from .template import (
+    CENTRE,
+    WALL_AXES,
+    WALL_CENTRE,
+    area_vectors,
+    fibonacci_sphere,
+    unit,
+    wall_curve,
+    wall_level,
+)
 
 
 def even_points(position, count, rng, iterations=14, samples_per_point=9):

@@ -16,7 +16,7 @@ from data_synth.cortex import grown
 from data_synth.generations import Guidance
 from data_synth.individual import Individual
 from data_synth.pattern import COUNT, FILE
-from data_synth.tessellation import fibonacci_sphere
+from data_synth.template import fibonacci_sphere
 from qclearn.io.safe import write_whole
 from qclearn.surfaces.curvature import sulcal_depth
 

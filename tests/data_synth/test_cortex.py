@@ -25,12 +25,13 @@ from data_synth.template import (
     AreaKeeping,
     Diffeomorphism,
     area_vectors,
+    fibonacci_sphere,
     hull_radius,
     sulcus_course,
     unit,
     wall_level,
 )
-from data_synth.tessellation import fibonacci_sphere, interior_edges
+from data_synth.tessellation import interior_edges
 from data_synth.untangle import untangle
 from known_surfaces import sphere
 from qclearn import mean_curvature, read_surface, sulcal_depth
