@@ -67,7 +67,7 @@ def batch(name):
     elif name.startswith("cpnet"):
         t = np.linspace(-1, 1, DATA_POINTS)
         curves = 0.05 * rng.random((4, 3, 1)) + np.array([[0.4], [-0.35 + 0.3j], [-0.1 - 0.45j]]) + 0.2j * t
-        items = Pairs(2, 1, curves, CPNET)
+        items = Pairs(4, 1, curves, CPNET)
     elif name == "dbsnet-best":
         mesh = network(name).solver.mesh
         return (torch.from_numpy(np.array([random_mu(rng, mesh.z, mesh.faces, 0.5) for _ in range(4)])).cfloat(),)
