@@ -7,11 +7,6 @@ import pytest
 from qclearn.benchmark.measured import RESULTS, WRITERS, BenchmarkError, as_text, read_measured, write_measured
 
 
-@pytest.fixture(scope="module")
-def figures():
-    return read_measured("networks")
-
-
 def test_a_file_and_the_program_that_writes_it_are_named_for_each_other():
     root = RESULTS.parents[2]
     assert {path.stem for path in RESULTS.iterdir()} == set(WRITERS)
@@ -28,29 +23,25 @@ def test_kept_figures_fit_their_schema_and_can_be_written_again(name):
     assert '"commit"' in text and "+changes" not in text, "measure again, on a committed tree"
 
 
-@pytest.mark.parametrize(
-    "part, key, value, place",
-    [
-        ("dbsnet", "mean_displacement", -0.1, r"\$.dbsnet.mean_displacement"),
-        ("ldnet", "all", {"best": 1.0}, r"\$.ldnet.all"),
-        ("cpnet", "provenance", {}, r"\$.cpnet.provenance"),
-        ("dbsnet", "speed", 1.0, r"\$.dbsnet"),
-    ],
-)
-def test_figures_that_do_not_fit_are_refused_where_they_stand(figures, part, key, value, place, tmp_path):
-    path = tmp_path / "networks.json"
-    wrong = figures | {part: figures[part] | {key: value}}
-    with pytest.raises(BenchmarkError, match=f"{place}: .*; run `book/studies/evaluate_networks.py` again"):
-        write_measured("networks", path, wrong)
+WRONG = [  # name, part of the file, what stands there, the fault
+    ("networks", "dbsnet", {"mean_displacement": -0.1}, r"\$.dbsnet.mean_displacement: .*; .*evaluate_networks.py`"),
+    ("networks", "cpnet", {"provenance": {}}, r"\$.cpnet.provenance: "),
+    ("networks", "ldnet", {"all": {"best": 1.0}}, r"\$.ldnet.all: "),
+    ("networks", "dbsnet", {"speed": 1.0}, r"\$.dbsnet: "),
+    ("sizes", "rows", None, "'rows' is a required property; run `book/studies/sizes.py` again"),
+    ("suspect", "cases", None, "'cases' is a required property; run `book/studies/suspect.py` again"),
+    ("weights", "table", None, "'table' is a required property; run `book/studies/choose_weights.py` again"),
+]
+
+
+@pytest.mark.parametrize("name, part, change, fault", WRONG)
+def test_figures_that_do_not_fit_are_refused_where_they_stand(name, part, change, fault, tmp_path):
+    path, figures = tmp_path / f"{name}.json", read_measured(name)
+    old = figures.pop(part)
+    wrong = figures | ({part: old | change} if change else {})
+    with pytest.raises(BenchmarkError, match=fault):
+        write_measured(name, path, wrong)
     assert not path.exists()
     path.write_text(json.dumps(wrong))
-    with pytest.raises(BenchmarkError, match=place):
-        read_measured("networks", path)
-
-
-@pytest.mark.parametrize("name, key", [("sizes", "rows"), ("suspect", "cases"), ("weights", "table")])
-def test_other_figures_that_lack_something_are_refused(name, key, tmp_path):
-    figures = read_measured(name)
-    del figures[key]
-    with pytest.raises(BenchmarkError, match=f"'{key}' is a required property; run `book/studies/.*{name}.py` again"):
-        write_measured(name, tmp_path / f"{name}.json", figures)
+    with pytest.raises(BenchmarkError, match=fault):
+        read_measured(name, path)

@@ -1,9 +1,7 @@
 """The benchmark's journal and results file: what is kept, resumed, refused, and what the means are."""
 
-import errno
 import json
-import os
-from pathlib import Path
+import shutil
 
 import numpy as np
 import pytest
@@ -11,53 +9,19 @@ import pytest
 from qclearn.benchmark.measured import BenchmarkError, plain, read_measured, schema
 from qclearn.benchmark.rows import Journal, failures, summary
 from qclearn.benchmark.runs import FRONT
-from qclearn.benchmark.runs import RUNS as RUNS_OF_THE_BENCHMARK
+from qclearn.benchmark.runs import RUNS as TABLE
 
+KEPT = read_measured("benchmark")
 OF_A_RUN = {"method": "harmonic", "parameters": {}, "landmarks": "given"}
 RUNS = [{"name": "one", **OF_A_RUN, "sets": ["cohort"], "keep_field": False}]
-SETTINGS = {
-    "sets": ["cohort"],
-    "subjects": 2,
-    "seeds": [1001, 1002],
-    "controls": [1000],
-    "vertices": 1000,
-    "generation": 2,
-    "commit": "c0ffee",
-    "runs": RUNS,
-}
-PROVENANCE = {
-    "commit": "c0ffee",
-    "date": "2026-01-01",
-    "versions": {"qclearn": "0"},
-    "processors": ["p"],
-    "workers": 1,
-    "threads_per_task": 1,
-    "seconds": 1.0,
-    "resumed": False,
-    "left_out": {},
-}
+SETTINGS, PROVENANCE = KEPT["settings"] | {"runs": RUNS}, KEPT["provenance"]
+DONE = next(kept for kept in KEPT["rows"] if kept["status"] == "done" and kept["certified"])
 
 
 def row(pair="a", run="one", **figures):
-    """A failed row, or a done one if it has figures: those not given are 0."""
-    base = {"set": "cohort", "pair": pair, "run": run, **OF_A_RUN}
-    if not figures:
-        return base | {"status": "failed", "message": "it broke"}
-    stages = ("disk_moving", "disk_control", "landmarks", "map", "pull_back")
-    rest = {
-        "flipped": 0,
-        "bijective": True,
-        "certified": True,
-        "histogram": [0] * 50,
-        "repetitions": 1,
-        "notes": [],
-        "held_out": None,
-        "r_maps": None,
-        "true_r_maps": None,
-        "seconds": dict.fromkeys(stages, figures.pop("seconds", 1.0)),
-    }
-    needed = schema()["properties"]["rows"]["items"]["then"]["required"]
-    return base | {"status": "done"} | dict.fromkeys(needed, 0.0) | rest | figures
+    """A failed row, or a done one if it has figures: those not given are a kept row's."""
+    own = {"set": "cohort", "pair": pair, "run": run, **OF_A_RUN}
+    return DONE | own | figures if figures else own | {"status": "failed", "message": "it broke"}
 
 
 @pytest.fixture
@@ -93,35 +57,25 @@ def test_a_journal_is_gone_on_with_and_a_damaged_row_is_dropped(out):
     assert {entry.get("landmark_error") for entry in again.finish(PROVENANCE)["rows"]} == {0.2}
 
 
-@pytest.mark.parametrize("changed", ["vertices", "generation", "commit", "runs"])
-def test_a_journal_of_other_settings_is_refused(out, changed):
-    Journal(out, SETTINGS)
-    with pytest.raises(BenchmarkError, match=rf"other settings \({changed} differ\)"):
-        Journal(out, SETTINGS | {changed: "another"})
-
-
-def test_a_disk_that_fills_leaves_no_half_of_a_row(out, monkeypatch):
-    def full(place, data):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
+def test_a_journal_of_other_settings_or_whose_folder_goes_is_refused(out):
     journal = Journal(out, SETTINGS)
-    before = os.listdir(journal.checkpoint.path)
-    monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.raises(BenchmarkError, match="row-.*json: .*No space left.*what was finished is kept: run it again"):
+    with pytest.raises(BenchmarkError, match=r"other settings \(commit, runs differ\)"):
+        Journal(out, SETTINGS | {"commit": "another", "runs": []})
+    shutil.rmtree(journal.checkpoint.path)
+    with pytest.raises(BenchmarkError, match="row-.*json: .*No such file.*what was finished is kept: run it again"):
         journal.append(row())
-    assert os.listdir(journal.checkpoint.path) == before
 
 
-@pytest.mark.parametrize(
-    "content, message",
-    [
-        (None, "cannot be read"),
-        ("{", "not a JSON file"),
-        ("[1]", "no results of this program"),
-        ('{"schema_version": 99}', "schema version 99; this version reads 2"),
-        ('{"schema_version": 2}', r"not a valid results file: \$: 'settings' is a required property"),
-    ],
-)
+OTHERS = {
+    None: "cannot be read",
+    "{": "not a JSON file",
+    "[1]": "no results of this program",
+    '{"schema_version": 99}': "schema version 99; this version reads 2",
+    '{"schema_version": 2}': r"not a valid results file: \$: 'settings' is a required property",
+}
+
+
+@pytest.mark.parametrize("content, message", OTHERS.items())
 def test_other_files_are_refused(out, content, message):
     if content is not None:
         out.write_text(content)
@@ -131,9 +85,7 @@ def test_other_files_are_refused(out, content, message):
 
 def test_the_schema_refuses_rows_without_their_figures(out):
     journal = Journal(out, SETTINGS)
-    lacking = row(landmark_error=0.1)
-    del lacking["certified"]
-    journal.append(lacking)
+    journal.append({name: value for name, value in row(landmark_error=0.1).items() if name != "certified"})
     with pytest.raises(BenchmarkError, match=r"rows\[0\].*'certified' is a required"):
         journal.finish(PROVENANCE)
     assert journal.checkpoint.path.exists() and not out.exists()
@@ -152,14 +104,11 @@ def test_plain_values_are_json():
 
 
 def test_means_are_over_the_pairs_that_have_a_figure():
-    rows = [
-        row("a", landmark_error=0.2, seconds=1.0, certified=False),
-        row("b", landmark_error=0.4, seconds=5.0),
-        row("c"),
-        row("d", landmark_error=0.3, correspondence_sulci_mm=None, seconds=2.0),
-        row("a", "two"),
-    ]
-    table = summary(rows)
+    first = row("a", landmark_error=0.2, sd_landmark_error=0, certified=False, seconds={"map": 1.0})
+    second = row("b", landmark_error=0.4, sd_landmark_error=0, seconds={"map": 5.0})
+    third = first | {"pair": "d", "landmark_error": 0.3, "certified": True, "seconds": {"map": 2.0}}
+    third["correspondence_sulci_mm"] = None
+    table = summary([first, second, row("c"), third, row("a", "two")])
     assert table["one"]["pairs"] == 4 and table["one"]["failed"] == 1 and table["one"]["certified"] == 2
     assert table["one"]["landmark_error"] == pytest.approx(0.3)
     assert table["one"]["sd_of_landmark_error"] == pytest.approx(0.1 * np.sqrt(2 / 3))
@@ -170,27 +119,27 @@ def test_means_are_over_the_pairs_that_have_a_figure():
 
 
 def test_the_kept_results_hold_every_run_on_every_subject():
-    results = read_measured("benchmark")
-    rows = [entry for entry in results["rows"] if entry["set"] == "cohort"]
-    everything = {run.name for run in RUNS_OF_THE_BENCHMARK + FRONT} - {"rotation"}  # newer than the file
-    assert {run["name"] for run in results["settings"]["runs"]} >= everything
-    assert results["settings"]["commit"].isalnum()  # of files that were committed as they were run
-    for name in (run.name for run in RUNS_OF_THE_BENCHMARK + FRONT if "cohort" in run.sets):
-        assert [entry["run"] for entry in rows].count(name) == results["settings"]["subjects"] >= 12
-    fits = [entry for entry in results["rows"] if entry["method"] in ("gauss_newton", "cpnet_steps", "guarded")]
+    rows = [entry["run"] for entry in KEPT["rows"] if entry["set"] == "cohort"]
+    everything = {run.name for run in TABLE + FRONT} - {"rotation"}  # newer than the file
+    assert {run["name"] for run in KEPT["settings"]["runs"]} >= everything
+    assert KEPT["settings"]["commit"].isalnum()  # of files that were committed as they were run
+    for name in (run.name for run in TABLE + FRONT if "cohort" in run.sets):
+        assert rows.count(name) == KEPT["settings"]["subjects"] >= 12
+    fits = [entry for entry in KEPT["rows"] if entry["method"] in ("gauss_newton", "cpnet_steps", "guarded")]
     assert all(entry["status"] == "done" and entry["certified"] for entry in fits)
 
 
-@pytest.mark.parametrize(
-    "truth, curves, failed",
-    [
-        ((7.0, 2.0), (1.0, 2.0), True),  # the truth says it, whatever the curves say
-        ((1.0, 2.0), (3.0, 2.0), False),
-        ((None, None), (3.0, 2.0), True),
-        ((None, None), (2.0, 2.0), False),
-        ((None, None), (None, None), False),
-    ],
-)
+NONE = None, None
+FARTHER = [  # each from the truth and from held-out curves: where it ends and where it began
+    ((7.0, 2.0), (1.0, 2.0), True),  # the truth says it, whatever the curves say
+    ((1.0, 2.0), (3.0, 2.0), False),
+    (NONE, (3.0, 2.0), True),
+    (NONE, (2.0, 2.0), False),
+    (NONE, NONE, False),
+]
+
+
+@pytest.mark.parametrize("truth, curves, failed", FARTHER)
 def test_a_map_that_ends_farther_than_it_began_has_failed(truth, curves, failed):
     row, start = ({"correspondence_mm": a, "held_out_mm": b, "pair": "p"} for a, b in zip(truth, curves))
     rows = [row | {"run": "mine"}, start | {"run": "rotation"}]
