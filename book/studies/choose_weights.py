@@ -144,7 +144,7 @@ def measured(name, people):
         for setting in FOLDED + ALONE:
             beta, gamma, delta, eta, sliding = setting
             for way in [one for one in ways if delta or one == "landmarks"]:
-                problem = replace(given, sliding=sliding) if way == "landmarks" else sample_landmarks(free).problem
+                problem = replace(given, sliding=sliding) if way == "landmarks" else sample_landmarks(free)
                 fit = fit_with_fallbacks(
                     problem, Weights(1.0, beta, gamma, delta, eta), features=sides.features if delta else None
                 )

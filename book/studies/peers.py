@@ -141,7 +141,7 @@ def run_task(path):
     sides = [replace(parameterize(one), sphere=sphere and Sphere(one, sphere)) for one, sphere in pairs]
     entries = check_curves(curves, *(side.surface for side in sides))
     sides = SurfacePair(*sides, entries, [])
-    METHODS[method](replace(sample_landmarks(align_disks(sides)).problem, pair=sides), **parameters)
+    METHODS[method](replace(sample_landmarks(align_disks(sides)), pair=sides), **parameters)
 
 
 @click.command(help=__doc__)

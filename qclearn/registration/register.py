@@ -177,8 +177,8 @@ def register(
 
     # Sulci are detected between their ends, and each curve gives ten landmarks.
     with stages("detect"):
-        landmarks = sample_landmarks(pair, networks["ldnet"].detect if networks else None, sliding)
-    problem = landmarks.problem
+        problem = sample_landmarks(pair, networks["ldnet"].detect if networks else None, sliding)
+        pair = problem.pair
 
     # The map is fitted, or predicted by the networks, and certified.
     if stopped:
@@ -198,9 +198,7 @@ def register(
     # The inverse of the control's disk map takes the vertices to the control, where we measure.
     with stages("pull_back"):
         points = pair.control.lift(fit.f)
-        report = {"method": method} | report_of(
-            pair, landmarks, weights, fit, points, wrong, stopped
-        )
+        report = {"method": method} | report_of(pair, weights, fit, points, wrong, stopped)
     if networks:
         report["fallbacks"][:0] = gamma_messages(networks["cpnet"], weights)
         if features is None:  # JSON knows no infinity
@@ -220,7 +218,7 @@ def register(
         report=report,
         disk_moving=pair.moving.disk.z,
         disk_control=pair.control.disk.z,
-        curves=landmarks.lines,
+        curves=pair.lines,
         faces_moving=pair.moving.disk.faces,
         faces_control=pair.control.disk.faces,
         uncertainty=radius,

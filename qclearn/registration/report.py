@@ -25,19 +25,19 @@ SMALLEST_RATIO = 1e-6  # of a face's area to its share, where it is measured
 SMALLEST_IN_FILES = 1e-9  # of areas that coordinates of float32 bear out
 
 
-def report_of(pair, landmarks, weights, fit, points, wrong, stopped):
+def report_of(pair, weights, fit, points, wrong, stopped):
     """The report of a registration, a dict for JSON, without method and seconds.
 
-    landmarks: the pair's `SampledLandmarks`, whose `mobius_before` is the `_before` of everything;
-    points (V, 3): the moving vertices on the control; wrong: messages of `diagnose_landmarks`;
-    stopped: whether nothing was fitted because of them.
+    pair: with its landmarks sampled; its `mobius_before` is the `_before` of everything; points
+    (V, 3): the moving vertices on the control; wrong: messages of `diagnose_landmarks`; stopped:
+    whether nothing was fitted because of them.
     """
     moving = pair.moving.surface
     features = pair.features
-    before = mobius(pair.moving.disk.z, *landmarks.mobius_before)
+    before = mobius(pair.moving.disk.z, *pair.mobius_before)
 
     # Landmarks: the mean of each error over the curves that have it, null without any.
-    rows = error_rows(pair, landmarks, fit.f)
+    rows = error_rows(pair, fit.f)
     means = dict.fromkeys(ERRORS)
     for key in (*ERRORS, "landmark_error_true"):
         values = [row[key] for row in rows if key in row]
@@ -64,9 +64,9 @@ def report_of(pair, landmarks, weights, fit, points, wrong, stopped):
     }
 
     # What looks wrong, and what was done besides.
-    held_out = held_out_distances(pair, landmarks.held, before, fit.f)
+    held_out = held_out_distances(pair, pair.held_lines, before, fit.f)
     repaired = [f"{side}: {word}" for side in SIDES for word in getattr(pair, side).messages]
-    messages = [*differing_walls(moving, pair.control.surface), *repaired, *landmarks.messages]
+    messages = [*differing_walls(moving, pair.control.surface), *repaired, *pair.messages]
     suspect = [*wrong, *other_units(moving=moving, control=pair.control.surface)]
     if not stopped:
         suspect += [*reasons(moving, rows, fit), *disagreements, *worse(held_out)]
@@ -95,18 +95,18 @@ def report_of(pair, landmarks, weights, fit, points, wrong, stopped):
     }
 
 
-def error_rows(pair, landmarks, f):
-    """Per curve, dict: its name and the means of its landmarks' ERRORS, for the map f (V,) and
-    `SampledLandmarks` of a pair; for a detected curve also `landmark_error_true`, between the true
+def error_rows(pair, f):
+    """Per curve, dict: its name and the means of its landmarks' ERRORS, for the map f (V,) of
+    a pair with landmarks sampled; for a detected curve also `landmark_error_true`, between the true
     curves, where the surfaces carry them."""
     if not pair.curves:
         return []
     moving = pair.moving
     control = pair.control
-    here, there = landmarks.samples
+    here, there = pair.samples
     mapped = here @ f
     q = there @ control.disk.z
-    before = abs(mobius(here @ moving.disk.z, *landmarks.mobius_before) - q)
+    before = abs(mobius(here @ moving.disk.z, *pair.mobius_before) - q)
     off_mm = np.linalg.norm(control.lift(mapped) - there @ control.surface.vertices, axis=1)
     off_mm /= size_of(control.surface).mm
     by_curve = np.reshape([before, abs(mapped - q), off_mm], (3, len(pair.curves), -1)).mean(2)
@@ -134,7 +134,7 @@ def error_rows(pair, landmarks, f):
 def held_out_distances(pair, lines, *maps):
     """Held-out curve -> `curve_distance`, mm, between its image by each of the maps (V,) and itself
     on the control. lines: name -> (moving, control) line in the disks of the pair, as
-    `SampledLandmarks.held`."""
+    `SurfacePair.held_lines`."""
     if not lines:
         return {}
     moving, control = zip(*lines.values())

@@ -1,8 +1,8 @@
 """Where a registration starts: two surfaces aligned by a Möbius map, `SurfacePair`, the landmarks
-sampled on both, `SampledLandmarks`, and for a fit without landmarks two starts, by features and by
-`Directions`, the surfaces' places in space."""
+sampled on both, and for a fit without landmarks two starts, by features and by `Directions`, the
+surfaces' places in space."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -41,37 +41,37 @@ APART = 0.15  # mean distance in the disk of two starts that are tried both
 
 @dataclass(frozen=True, eq=False)
 class SurfacePair:
-    """Two `ParameterizedSurface`s, the `Curve`s to fit, those held out, and `Features` or None."""
+    """Two `ParameterizedSurface`s, the `Curve`s to fit, those held out, and `Features` or None.
+
+    With landmarks sampled: lines, held_lines: name -> (moving, control) line of a fitted or
+    held-out curve in the disks; samples: ten landmarks per fitted curve, equally spaced by arc
+    length, ends included, sparse (10 K, V) and (10 K, W), moving and control; messages: on failed
+    detection.
+    """
 
     moving: ParameterizedSurface
     control: ParameterizedSurface
     curves: list
     held: list
     features: Features | None = None
+    lines: dict = field(default_factory=dict)
+    held_lines: dict = field(default_factory=dict)
+    samples: tuple = ()
+    messages: tuple = ()
 
     @cached_property
     def directions(self):
         """The features' `Directions`, which lay the surfaces on each other by places in space."""
         return Directions(self.features, self.moving.surface, self.control.surface)
 
-
-@dataclass(frozen=True, eq=False)
-class SampledLandmarks:
-    """The landmarks of a `SurfacePair`: ten per curve, equally spaced by arc length, ends included.
-
-    problem: the `Problem` of the distinct ones; samples: sparse (10 K, V) and (10 K, W), moving and
-    control; mobius_before: (a, theta) of the best Möbius map of all 10 K, with the least `mean
-    |M(p) - q|^2`, the identity without curves; a report's `_before` is after it (a fit begins at
-    `Problem.mobius`, of the distinct ones); lines, held: name -> (moving, control) line of a fitted
-    or held-out curve in the disks; messages: on failed detection.
-    """
-
-    problem: Problem
-    samples: tuple
-    mobius_before: tuple
-    lines: dict
-    held: dict
-    messages: list
+    @cached_property
+    def mobius_before(self):
+        """(a, theta) of the best Möbius map of all sampled landmarks, the identity without curves.
+        A report's `_before` is after it; a fit begins at `Problem.mobius`, of the distinct ones."""
+        if not self.samples:
+            return 0j, 0.0
+        here, there = self.samples
+        return best_mobius(here @ self.moving.disk.z, there @ self.control.disk.z)
 
 
 def align_disks(pair):
@@ -91,7 +91,7 @@ def align_disks(pair):
 def align(moving, control, curves):
     """The moving `ParameterizedSurface` after the Möbius map that best carries the given points of
     `Curve`s to the control's: of their ends, or of whole paths where both sides have these. It
-    changes the disk itself; the best Möbius maps of a `Problem` and of `SampledLandmarks` come
+    changes the disk itself; the best Möbius maps of a `Problem` and of `mobius_before` come
     after it."""
     p, q = [], []
     for curve in curves:
@@ -115,23 +115,24 @@ def align(moving, control, curves):
 
 
 def sample_landmarks(pair, detect=None, sliding=False):
-    """The `SampledLandmarks` of an aligned `SurfacePair`; where only a curve's ends are given, the
-    path between them is detected by `detect`, or else a shortest path."""
+    """The `Problem` of an aligned `SurfacePair`, its `pair` the same with landmarks sampled; where
+    only a curve's ends are given, the path between them is detected by `detect`, or else a shortest
+    path."""
+    held_lines, _ = lines_by_name(pair, pair.held)
+    lines, messages = lines_by_name(pair, pair.curves, detect)
+    pair = replace(pair, lines=lines, held_lines=held_lines, messages=tuple(messages))
     moving = pair.moving
     control = pair.control
-    held, _ = lines_by_name(pair, pair.held)
     if not pair.curves:
-        problem = Problem(moving.disk, [], [], fewest=0, pair=pair)
-        return SampledLandmarks(problem, (), problem.mobius, {}, held, [])
-    lines, messages = lines_by_name(pair, pair.curves, detect)
+        return Problem(moving.disk, [], [], fewest=0, pair=pair)
     lines_moving, lines_control = zip(*lines.values())
     samples = sample_lines(moving, lines_moving), sample_lines(control, lines_control)
     p = samples[0] @ moving.disk.z
     q = samples[1] @ control.disk.z
     # A point that curves share is one landmark of the fit.
     once = distinct_landmarks(pair.curves, p, q)
-    problem = Problem(moving.disk, p[once], q[once], once // POINTS_PER_CURVE, sliding, pair=pair)
-    return SampledLandmarks(problem, samples, best_mobius(p, q), lines, held, messages)
+    pair = replace(pair, samples=samples)
+    return Problem(moving.disk, p[once], q[once], once // POINTS_PER_CURVE, sliding, pair=pair)
 
 
 def lines_by_name(pair, curves, detect=None):

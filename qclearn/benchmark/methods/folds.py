@@ -35,7 +35,7 @@ def landmark_free(problem, alpha=Weights.alpha, beta=Weights.beta, delta=DELTA, 
     """Folds alone, from the Möbius map that fits them best, without landmarks: f (V,)."""
     pair = align_disks(replace(with_folds(problem), curves=[], held=[]))
     weights = Weights(alpha, beta, delta=delta, eta=eta)
-    return by_folds(sample_landmarks(pair).problem, weights, pair)
+    return by_folds(sample_landmarks(pair), weights, pair)
 
 
 def by_folds(problem, weights, pair=None):
