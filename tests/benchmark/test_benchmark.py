@@ -29,7 +29,7 @@ from qclearn.cli import main
 from qclearn.plane.mobius import mobius
 from subjects import stand_in
 
-SIZE = 1000
+SIZE, MOBIUS = 1000, [Run("Möbius", "mobius_only")]
 
 
 @pytest.fixture(scope="module")
@@ -78,34 +78,20 @@ def inside(client, monkeypatch):
     monkeypatch.setattr(module, "connect", connect)
 
 
-def small(out, folder, runs, **options):
-    options = {"subjects": 2, "vertices": SIZE, "workers": 1, "progress": False} | options
-    return benchmark(out, runs=runs, folder=folder, **options)
-
-
-def crash(problem):
-    os.kill(os.getpid(), signal.SIGSEGV)
+def small(out, folder, runs=MOBIUS, **options):
+    return benchmark(out, 1, SIZE, runs=runs, folder=folder, workers=1, progress=False, **options)
 
 
 def recursion(problem):
     return recursion(problem)
 
 
-def endless(problem):
-    while True:
-        time.sleep(1)
-
-
-def shifted(by):
-    return lambda problem: mobius(mobius(problem.disk.z, *problem.mobius), by)
-
-
 METHODS_OF_OTHERS = {  # method -> its row's status, or the words of its message
-    crash: "its process ended with SIGSEGV",
+    (lambda problem: os.kill(os.getpid(), signal.SIGSEGV)): "its process ended with SIGSEGV",
     (lambda problem: sys.exit("no licence")): "SystemExit: no licence",
     recursion: "RecursionError: maximum recursion depth exceeded",
-    endless: "not done after 4 s and was stopped: give it more time by the limit",
-    shifted(0.1): "done",
+    (lambda problem: time.sleep(3600)): "not done after 4 s and was stopped: give it more time by the limit",
+    (lambda problem: mobius(mobius(problem.disk.z, *problem.mobius), 0.1)): "done",
 }
 
 
@@ -116,8 +102,8 @@ def test_whatever_a_method_of_others_does_touches_no_other_row(tmp_path, folder,
 
     monkeypatch.setattr(engine, "isolated_trial", soon)
     methods = {f"method {k}": method for k, method in enumerate(METHODS_OF_OTHERS)}
-    runs = [Run("Möbius", "mobius_only"), *(Run(name, name) for name in methods)]
-    results = small(tmp_path / "r.json", folder, runs, subjects=1, methods=METHODS | methods, limit=4)
+    runs = [*MOBIUS, *(Run(name, name) for name in methods)]
+    results = small(tmp_path / "r.json", folder, runs, methods=METHODS | methods, limit=4)
     assert read_measured("benchmark", tmp_path / "r.json") == results
     rows = {row["run"]: row for row in results["rows"]}
     for name, words in zip(methods, METHODS_OF_OTHERS.values()):
@@ -128,52 +114,47 @@ def test_whatever_a_method_of_others_does_touches_no_other_row(tmp_path, folder,
 
 
 def test_a_stopped_run_goes_on(tmp_path, folder, inside, monkeypatch):
-    out, runs = tmp_path / "r.json", [Run("Möbius", "mobius_only"), Run("thin plate", "thin_plate")]
-    rows = module.finished
+    out, runs = tmp_path / "r.json", [*MOBIUS, Run("thin plate", "thin_plate")]
+    rows, asked = module.finished, []
 
-    def stop_after_one(*arguments):
-        yield next(iter(rows(*arguments)))
+    def stop_after_one(client, tasks, *more):
+        asked.append(len(tasks))
+        yield next(iter(rows(client, tasks, *more)))
         raise KeyboardInterrupt
 
-    with monkeypatch.context() as patch:
-        patch.setattr(module, "finished", stop_after_one)
+    monkeypatch.setattr(module, "finished", stop_after_one)
+    for _ in range(2):
         with pytest.raises(KeyboardInterrupt):
-            small(out, folder, runs, subjects=1)
-    (kept,) = Path(f"{out}.partial").glob("row-*.json")
-    kept = json.loads(kept.read_text())
-    assert not out.exists()
-    tasks = []
-    monkeypatch.setattr(
-        module, "finished", lambda client, wanted, *rest: tasks.extend(wanted) or rows(client, wanted, *rest)
-    )
-    results = small(out, folder, runs, subjects=1)
-    assert len(tasks) == 1 and len(results["rows"]) == 2 and results["provenance"]["resumed"]
-    assert kept in results["rows"] and not Path(f"{out}.partial").exists()
+            small(out, folder, runs)
+        assert not out.exists()
+    results = small(out, folder, runs)
+    assert asked == [2, 1] and [row["status"] for row in results["rows"]] == ["done", "done"]
+    assert results["provenance"]["resumed"] and not Path(f"{out}.partial").exists()
 
 
 def test_a_problem_that_cannot_be_made_fails_its_rows_alone(tmp_path, monkeypatch):
     def lost():
         raise ValueError("no such surface")
 
-    run, kept = Run("Möbius", "mobius_only"), read_measured("benchmark")["rows"][0]
-    figures = {name: kept[name] for name in kept if name not in ("set", "pair", "run", *asdict(run))}
+    kept = read_measured("benchmark")["rows"][0]
+    figures = {name: kept[name] for name in kept if name not in ("set", "pair", "run", *asdict(*MOBIUS))}
     specs = [Spec("cohort", "a", lost), Spec("cohort", "b", dict)]
     monkeypatch.setattr(module, "problems", lambda *_: specs)
     monkeypatch.setattr(engine, "trial", lambda pair, run, method: figures)
     with cluster_inside() as cluster:
-        lost, done = small(tmp_path / "r.json", None, [run], scheduler=cluster.scheduler_address)["rows"]
+        lost, done = small(tmp_path / "r.json", None, scheduler=cluster.scheduler_address)["rows"]
     assert (lost["status"], lost["message"]) == ("failed", "ValueError: no such surface")
     assert done["pair"] == "b" and done["status"] == "done" and done["landmark_error"] == kept["landmark_error"]
 
 
-@pytest.mark.parametrize(
-    "workers, threads, words",
-    [
-        (1, 2, "several threads.*--nthreads 1"),
-        (1, 1, "has qclearn .*, here 9.9.*install the same"),
-        (0, 1, "has no workers; start some"),
-    ],
-)
+REFUSED_WORKERS = [  # their number, their threads, and what is said of them
+    (1, 2, "several threads.*--nthreads 1"),
+    (1, 1, "has qclearn .*, here 9.9.*install the same"),
+    (0, 1, "has no workers; start some"),
+]
+
+
+@pytest.mark.parametrize("workers, threads, words", REFUSED_WORKERS)
 def test_workers_that_cannot_serve_are_refused(tmp_path, folder, monkeypatch, workers, threads, words):
     def of_this_thread(*names):
         """What the worker has, which shares this process, and in the thread that asks another version."""
@@ -183,55 +164,46 @@ def test_workers_that_cannot_serve_are_refused(tmp_path, folder, monkeypatch, wo
     monkeypatch.setattr(engine, "versions_of", of_this_thread)
     monkeypatch.setattr(engine, "PATIENCE", 20 if workers else 2)
     with cluster_inside(workers, threads) as cluster, pytest.raises(BenchmarkError, match=words):
-        small(tmp_path / "r.json", folder, [Run("Möbius", "mobius_only")], scheduler=cluster.scheduler_address)
-
-
-def test_a_folder_for_subjects_that_cannot_be_written_is_refused(tmp_path):
-    (tmp_path / "file").touch()
-    with pytest.raises(ValueError, match="cannot be written"):
-        small(tmp_path / "r.json", tmp_path / "file", [Run("Möbius", "mobius_only")])
-    assert not (tmp_path / "r.json.partial").exists()
+        small(tmp_path / "r.json", folder, scheduler=cluster.scheduler_address)
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nowhere", "tcp://127.0.0.1:http"])
 def test_an_unreachable_scheduler_is_named(tmp_path, folder, monkeypatch, address):
     monkeypatch.setattr(engine, "PATIENCE", 1)
     with pytest.raises(BenchmarkError, match=f"{address}: no dask scheduler answers there"):
-        small(tmp_path / "r.json", folder, [Run("Möbius", "mobius_only")], scheduler=address)
+        small(tmp_path / "r.json", folder, scheduler=address)
 
 
 # What is asked for, before anything runs
 
 
-@pytest.mark.parametrize(
-    "runs, message",
-    [
-        ([Run("a", "magic")], "there is no method 'magic'; there are mobius_only, harmonic"),
-        ([Run("a", "harmonic", {"lambda": 1})], "harmonic has no parameter lambda; it has weight, correct"),
-        ([Run("a", "mobius_only", {"weight": 1})], "mobius_only has no parameter weight; it has none"),
-        ([Run("a", "harmonic", landmarks="guessed")], "no landmarks 'guessed'"),
-        ([Run("a", "harmonic", sets=("cohort", "mars"))], "sets some of cohort, displacement"),
-        ([Run("a", "harmonic"), Run("a", "mobius_only")], r"named twice: \['a'\]"),
-    ],
-)
-def test_impossible_runs_are_refused(runs, message):
-    with pytest.raises(BenchmarkError, match=message):
-        check_runs(runs, METHODS)
+REFUSED = [  # what is asked for, and what is said of it
+    ({"runs": [Run("a", "magic")]}, "there is no method 'magic'; there are mobius_only, harmonic"),
+    ({"runs": [Run("a", "harmonic", {"lambda": 1})]}, "harmonic has no parameter lambda; it has weight, correct"),
+    ({"runs": [Run("a", "mobius_only", {"weight": 1})]}, "mobius_only has no parameter weight; it has none"),
+    ({"runs": [Run("a", "harmonic", landmarks="guessed")]}, "no landmarks 'guessed'"),
+    ({"runs": [Run("a", "harmonic", sets=("cohort", "mars"))]}, "sets some of cohort, displacement"),
+    ({"runs": MOBIUS * 2}, r"named twice: \['Möbius'\]"),
+    ({"subjects": 0}, "0 subjects: the cohort has 1 to 24"),
+    ({"subjects": 25}, "25 subjects: the cohort has 1 to 24"),
+    ({"subjects": "3"}, "'3' subjects"),
+    ({"sets": ["mars"]}, "no set of problems mars; there are cohort, displacement"),
+    ({"sets": []}, "no set of problems given"),
+    ({"out": "."}, "not a file in a folder that exists"),
+    ({"out": "nowhere/r.json"}, "not a file in a folder that exists"),
+    ({"folder": "file"}, "cannot be written"),
+    ({"peers": ()}, r"benchmark\(peers=\) went with version 0.3: .*"),
+    ({"programs": ()}, r"benchmark\(programs=\) went with version 0.3: .*"),
+]
 
 
-@pytest.mark.parametrize(
-    "subjects, sets, message",
-    [
-        (0, ["cohort"], "0 subjects"),
-        (25, ["cohort"], "1 to 24"),
-        ("3", ["cohort"], "'3' subj"),
-        (1, ["mars"], "no set of problems mars; there are cohort, displacement"),
-        (1, [], "no set of problems given"),
-    ],
-)
-def test_other_counts_and_sets_are_refused(subjects, sets, message):
-    with pytest.raises(BenchmarkError, match=message):
-        problems(subjects, sets)
+@pytest.mark.parametrize("asked, message", REFUSED)
+def test_what_cannot_be_done_is_refused_before_anything_runs(tmp_path, monkeypatch, asked, message):
+    monkeypatch.chdir(tmp_path)
+    Path("file").touch()
+    with pytest.raises(ValueError, match=message):
+        benchmark(**{"out": "r.json", "runs": MOBIUS, "subjects": 1} | asked)
+    assert os.listdir() == ["file"]
 
 
 def test_the_sets_problems():
@@ -246,9 +218,12 @@ def test_the_sets_problems():
     assert len({(spec.set, spec.pair) for spec in specs}) == len(specs) == 24
 
 
-def test_every_run_of_the_table_is_known_and_every_method_has_one():
+def test_every_run_of_the_table_is_known_and_every_method_has_one_and_defaults():
     check_runs(RUNS + FRONT, METHODS)
     assert {run.method for run in RUNS} == set(METHODS)
+    for method in METHODS.values():
+        problem, *parameters = inspect.signature(method).parameters.values()
+        assert problem.name == "problem" and all(p.default is not p.empty for p in parameters)
 
 
 def test_runs_whose_networks_are_missing_say_why(monkeypatch):
@@ -262,69 +237,43 @@ def test_runs_whose_networks_are_missing_say_why(monkeypatch):
     assert reasons["CP-Net, 1 step"] == reasons["guarded networks"] == "no cpnet"
 
 
-@pytest.mark.parametrize(
-    "text, parameters, landmarks",
-    [
-        ("harmonic", {}, "given"),
-        ("harmonic:weight=2,correct=false", {"weight": 2, "correct": False}, "given"),
+def test_a_run_is_read_from_the_command_line():
+    for text, *given in (
+        ("harmonic", {}),
+        ("harmonic:weight=2,correct=false", {"weight": 2, "correct": False}),
         ("cpnet_exact:preset=paper,gamma=1e4,landmarks=path", {"preset": "paper", "gamma": 1e4}, "path"),
-    ],
-)
-def test_a_run_is_read_from_the_command_line(text, parameters, landmarks):
-    assert run_of(text) == Run(text, text.partition(":")[0], parameters, landmarks)
-
-
-def test_a_parameter_without_a_value_is_refused():
+    ):
+        assert run_of(text) == Run(text, text.partition(":")[0], *given)
     with pytest.raises(BenchmarkError, match="'weight' is no parameter; write harmonic:NAME=VALUE"):
         run_of("harmonic:weight")
 
 
-@pytest.mark.parametrize(
-    "arguments, message",
-    [
-        (["--method", "magic"], "there is no method 'magic'"),
-        (["--subjects", "99"], "the cohort has 1 to 24"),
-        (["--vertices", "10"], "10 vertices"),
-        (["--workers", "0"], "at least one worker"),
-        (["--limit", "0"], "a limit above 0"),
-    ],
-)
+IN_ONE_LINE = [
+    ("--method magic", "there is no method 'magic'"),
+    ("--method mobius_only --subjects 99", "the cohort has 1 to 24"),
+    ("--method mobius_only --vertices 10", "10 vertices"),
+    ("--method mobius_only --workers 0", "at least one worker"),
+    ("--method mobius_only --limit 0", "a limit above 0"),
+]
+
+
+@pytest.mark.parametrize("arguments, message", IN_ONE_LINE)
 def test_the_command_says_what_is_wrong_in_one_line(tmp_path, capsys, arguments, message):
-    given = ["--method", "mobius_only", *arguments] if "--method" not in arguments else arguments
     with pytest.raises(SystemExit) as stop:
-        main(["benchmark", "--out", str(tmp_path / "r.json"), *given])
+        main(["benchmark", "--out", str(tmp_path / "r.json"), *arguments.split()])
     error = capsys.readouterr().err
     assert stop.value.code == 2 and message in error and error.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("name", ["peers", "programs"])
-def test_what_version_0_2_took_is_answered_in_one_line(name):
-    with pytest.raises(BenchmarkError, match=rf"benchmark\({name}=\) went with version 0.3: .*"):
-        benchmark("out.json", **{name: ()})
-
-
-def test_an_out_that_cannot_be_written_is_named_before_anything_runs(tmp_path):
-    for out in (tmp_path, tmp_path / "nowhere" / "r.json"):
-        with pytest.raises(BenchmarkError, match="not a file in a folder that exists"):
-            benchmark(out, 1, runs=[Run("a", "mobius_only")])
-
-
 def test_the_command_writes_the_file_and_prints_a_table(tmp_path, folder, capsys):
     out = tmp_path / "r.json"
-    options = {"--out": out, "--subjects": 1, "--vertices": SIZE, "--workers": 1, "--data": folder}
-    methods = ["--method", "mobius_only", "--method", "harmonic:weight=5", "--method", "harmonic:weight=-1"]
-    main(["benchmark", *(str(word) for option in options.items() for word in option), *methods])
+    options = f"--out {out} --subjects 1 --vertices {SIZE} --workers 1 --data {folder}"
+    methods = " --method mobius_only --method harmonic:weight=5 --method harmonic:weight=-1"
+    main(["benchmark", *(options + methods).split()])
     printed = capsys.readouterr().out
     assert "harmonic:weight=5" in printed and "1/1" in printed
     assert "harmonic:weight=-1, 1001 to 2001: ValueError: weight = -1: " in printed and "0/1" in printed
     rows = {row["run"]: row for row in read_measured("benchmark", out)["rows"]}
     assert rows["harmonic:weight=5"]["landmark_error"] < rows["mobius_only"]["landmark_error"]
     assert rows["mobius_only"]["correspondence_sulci_mm"] > 0 and rows["mobius_only"]["floor_mm"] > 0
-
-
-def test_methods_have_defaults_for_all_parameters():
-    for name, method in METHODS.items():
-        parameters = list(inspect.signature(method).parameters.values())
-        assert parameters[0].name == "problem", name
-        assert all(parameter.default is not inspect.Parameter.empty for parameter in parameters[1:]), name
