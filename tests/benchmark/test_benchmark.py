@@ -1,7 +1,6 @@
 """The benchmark's engine: tasks on processes, kept as they finish, and resumed; what it refuses."""
 
 import inspect
-import json
 import os
 import signal
 import sys
@@ -13,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
-from distributed import Client, LocalCluster
+from distributed import LocalCluster
 
 from data_synth.cohort import hemispheres
 from qclearn.benchmark import cluster as engine
@@ -34,11 +33,11 @@ SIZE, MOBIUS = 1000, [Run("Möbius", "mobius_only")]
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Where the subjects lie: all that the tests of two pairs ask for."""
+    """Where the subjects lie."""
     folder = str(tmp_path_factory.mktemp("cohort"))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(import_module("data_synth.cohort"), "make_cortex", stand_in)
-        hemispheres((1001, 1002, 2001), SIZE, folder, progress=False)
+        hemispheres((1001, 2001), SIZE, folder, progress=False)
     return folder
 
 
@@ -57,25 +56,9 @@ def cluster_inside(workers=1, threads=1):
 
 
 @pytest.fixture(scope="module")
-def client():
-    with cluster_inside() as cluster, Client(cluster) as client:
-        yield client
-
-
-@pytest.fixture
-def inside(client, monkeypatch):
-    """What is asked of processes of this machine is done inside this one."""
-
-    @contextmanager
-    def connect(scheduler, workers):
-        if scheduler is None:
-            yield client
-        else:
-            with there(scheduler, workers) as other:
-                yield other
-
-    there = module.connect
-    monkeypatch.setattr(module, "connect", connect)
+def scheduler():
+    with cluster_inside() as cluster:
+        yield cluster.scheduler_address
 
 
 def small(out, folder, runs=MOBIUS, **options):
@@ -95,7 +78,7 @@ METHODS_OF_OTHERS = {  # method -> its row's status, or the words of its message
 }
 
 
-def test_whatever_a_method_of_others_does_touches_no_other_row(tmp_path, folder, inside, monkeypatch):
+def test_whatever_a_method_of_others_does_touches_no_other_row(tmp_path, folder, scheduler, monkeypatch):
     def soon(pair, run, method, limit):
         """The loop alone is stopped soon: on a busy machine the other processes need longer."""
         return isolated_trial(pair, run, method, limit if run.name == "method 3" else 600)
@@ -103,7 +86,7 @@ def test_whatever_a_method_of_others_does_touches_no_other_row(tmp_path, folder,
     monkeypatch.setattr(engine, "isolated_trial", soon)
     methods = {f"method {k}": method for k, method in enumerate(METHODS_OF_OTHERS)}
     runs = [*MOBIUS, *(Run(name, name) for name in methods)]
-    results = small(tmp_path / "r.json", folder, runs, methods=METHODS | methods, limit=4)
+    results = small(tmp_path / "r.json", folder, runs, methods=METHODS | methods, limit=4, scheduler=scheduler)
     assert read_measured("benchmark", tmp_path / "r.json") == results
     rows = {row["run"]: row for row in results["rows"]}
     for name, words in zip(methods, METHODS_OF_OTHERS.values()):
@@ -113,7 +96,7 @@ def test_whatever_a_method_of_others_does_touches_no_other_row(tmp_path, folder,
     assert results["provenance"]["threads_per_task"] == 1 and results["provenance"]["workers"] == 1
 
 
-def test_a_stopped_run_goes_on(tmp_path, folder, inside, monkeypatch):
+def test_a_stopped_run_goes_on(tmp_path, folder, scheduler, monkeypatch):
     out, runs = tmp_path / "r.json", [*MOBIUS, Run("thin plate", "thin_plate")]
     rows, asked = module.finished, []
 
@@ -125,14 +108,14 @@ def test_a_stopped_run_goes_on(tmp_path, folder, inside, monkeypatch):
     monkeypatch.setattr(module, "finished", stop_after_one)
     for _ in range(2):
         with pytest.raises(KeyboardInterrupt):
-            small(out, folder, runs)
+            small(out, folder, runs, scheduler=scheduler)
         assert not out.exists()
-    results = small(out, folder, runs)
+    results = small(out, folder, runs, scheduler=scheduler)
     assert asked == [2, 1] and [row["status"] for row in results["rows"]] == ["done", "done"]
     assert results["provenance"]["resumed"] and not Path(f"{out}.partial").exists()
 
 
-def test_a_problem_that_cannot_be_made_fails_its_rows_alone(tmp_path, monkeypatch):
+def test_a_problem_that_cannot_be_made_fails_its_rows_alone(tmp_path, scheduler, monkeypatch):
     def lost():
         raise ValueError("no such surface")
 
@@ -141,8 +124,7 @@ def test_a_problem_that_cannot_be_made_fails_its_rows_alone(tmp_path, monkeypatc
     specs = [Spec("cohort", "a", lost), Spec("cohort", "b", dict)]
     monkeypatch.setattr(module, "problems", lambda *_: specs)
     monkeypatch.setattr(engine, "trial", lambda pair, run, method: figures)
-    with cluster_inside() as cluster:
-        lost, done = small(tmp_path / "r.json", None, scheduler=cluster.scheduler_address)["rows"]
+    lost, done = small(tmp_path / "r.json", None, scheduler=scheduler)["rows"]
     assert (lost["status"], lost["message"]) == ("failed", "ValueError: no such surface")
     assert done["pair"] == "b" and done["status"] == "done" and done["landmark_error"] == kept["landmark_error"]
 
