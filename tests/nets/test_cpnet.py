@@ -1,19 +1,18 @@
-"""CP-Net: what its correction is told, its symmetries, what holds by construction, its training
-set, and bad input."""
+"""CP-Net: what its correction is told, its symmetries, what holds by construction, its training set, bad input."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
 import torch
+from test_networks import CPNET, batch, network
+from test_refinement import twisted
 
-from data_synth.training import DATA_POINTS, ControlPairs, Pairs
+from data_synth.training import ControlPairs
 from qclearn.nets import load
 from qclearn.nets.born import Born
-from qclearn.nets.cpnet import BestCPNet, BestCPNetConfig
+from qclearn.nets.cpnet import BestCPNet
 from qclearn.nets.cpnet_paper import LOSSES, PaperCPNet, PaperCPNetConfig
-from qclearn.nets.dbsnet_paper import PaperDBSNet, PaperDBSNetConfig
 from qclearn.nets.losses import L_grad_mu, L_Landmark, L_lost, L_mu
 from qclearn.nets.polar import PolarSolver
 from qclearn.nets.polargrid import PolarGrid, PolarMesh
@@ -27,8 +26,8 @@ from qclearn.registration.report import measured_losses
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
-SMALL = BestCPNetConfig(rings=12, spokes=36, modes=300, channels=(8, 16), blocks=1, finer=16, finest=20)
-PAPER = PaperCPNetConfig(curves=2, points=4, size=16, widths=(8, 8, 8))
+LANDMARKS = twisted(0.25)
+PAPER = PaperCPNetConfig(curves=2, points=4, size=8, widths=(8, 8, 8))
 
 
 @pytest.fixture(scope="module")
@@ -37,22 +36,15 @@ def grid():
 
 
 @pytest.fixture(scope="module")
-def born(grid):
-    return Born(grid)
-
-
-@pytest.fixture(scope="module")
 def net():
+    """As before training: the head is 0."""
     torch.manual_seed(0)
-    return BestCPNet(SMALL).eval().requires_grad_(False)
+    return BestCPNet(CPNET).eval()
 
 
 @pytest.fixture(scope="module")
-def landmarks():
-    """Two curves and where a twist takes them, six points each."""
-    t = np.linspace(-1, 1, 6)
-    p = np.concatenate([0.4 + 0.25j * t, -0.3 - 0.1j + 0.25 * t])
-    return p, p * np.exp(0.25j * (1 - abs(p) ** 2)) + 0.02
+def stirred():
+    return network("cpnet-best")
 
 
 def tensors(*arrays):
@@ -60,7 +52,7 @@ def tensors(*arrays):
     return [torch.tensor(array).to(kinds[array.dtype.kind])[None] for array in arrays]
 
 
-def test_points_are_located_in_closed_form():
+def test_points_are_located_in_closed_form_and_loads_shared_out_by_the_same_weights():
     mesh, rng = PolarMesh(5, 12), np.random.default_rng(0)
     z = mesh.mesh.z
     points = np.sqrt(rng.random(200)) * np.exp(2j * np.pi * rng.random(200)) * 0.96  # within the chords
@@ -71,15 +63,9 @@ def test_points_are_located_in_closed_form():
     rim = mesh.sample(*tensors(z), mesh.locate(torch.tensor([[1.0, 1j, np.exp(1.3j)]]).to(torch.complex64)))
     np.testing.assert_allclose(rim[0, :2].numpy(), [1, 1j], atol=1e-6)
     assert abs(np.angle(rim[0, 2].item()) - 1.3) < 0.02
-
-
-def test_splat_is_the_transpose_of_sample():
-    mesh, generator = PolarMesh(4, 9), torch.Generator().manual_seed(0)
-    points = torch.polar(torch.rand(2, 7, generator=generator), 6 * torch.rand(2, 7, generator=generator))
-    values, loads = (torch.randn(2, 37, generator=generator), torch.randn(2, 1, 7, generator=generator))
-    places = mesh.locate(points)
-    sampled, spread = mesh.sample(values, places), mesh.splat(loads, places)
-    torch.testing.assert_close((sampled * loads[:, 0]).sum(1), (spread[:, 0] * values).sum(1))
+    values, loads = (torch.from_numpy(rng.normal(size=(1, *shape))).float() for shape in ((len(z),), (1, 200)))
+    sampled, spread = mesh.sample(values, (corners, weights)), mesh.splat(loads, (corners, weights))
+    torch.testing.assert_close((sampled * loads[:, 0]).sum(), (spread[:, 0] * values).sum())  # the transpose
 
 
 def test_the_prior_is_diagonal_in_the_coefficients(grid):
@@ -94,58 +80,50 @@ def test_the_prior_is_diagonal_in_the_coefficients(grid):
     assert slope / np.pi == pytest.approx((spectrum.values * abs(c) ** 2).sum(), rel=1e-3)
 
 
-def test_displacements_are_those_of_the_exact_map(grid, born):
+def test_displacements_are_those_of_the_exact_map(grid):
     rng, c = np.random.default_rng(1), np.zeros(432, complex)
     c[grid.selected[:40].numpy()] = (rng.normal(size=(40, 2)) @ [1, 1j]) * 3e-4
     nu, solver = grid.spectrum.field(c), PolarSolver(12, 36, 1.4)
     given = bounded(torch.tensor(grid.mesh.to_faces @ nu))[None]
     exact = solver.solve(given, 1e-9) - torch.tensor(solver.mesh.z)
     columns = torch.view_as_real(torch.from_numpy(mobius_fields(grid.mesh.z[1:]))[None]).mT.flatten(1, 2)
-    moved = born.moved(*tensors(nu[1:].reshape(12, 36)))
-    one, two = (
-        torch.view_as_real(x.to(torch.complex128)).flatten(1)[..., None] for x in (moved.flatten(1), exact[:, 1:])
-    )
-    both = torch.cat([one, two], 2)
+    moved = Born(grid).moved(*tensors(nu[1:].reshape(12, 36)))
+    both = torch.stack([moved.flatten(1).to(exact), exact[:, 1:]], -1)
+    both = torch.view_as_real(both).transpose(2, 3).flatten(1, 2)
     both = both - columns @ torch.linalg.lstsq(columns, both).solution  # f(0) = 0, f(1) = 1 is another gauge
     assert (both[..., 0] - both[..., 1]).norm() < 0.02 * both[..., 1].norm()
 
 
-def test_fit_mobius_is_best_mobius(landmarks):
-    p, _ = landmarks
+def test_fit_mobius_is_best_mobius():
+    p, _ = LANDMARKS
     for a, theta in ((0.3 - 0.2j, 2.0), (0.6j, -1.0)):
         q = mobius(p, a, theta) + 0.01 * p**2
-        found = fit_mobius(*tensors(p, q))
-        np.testing.assert_allclose(
-            mobius(p, found[0].item(), found[1].item()), mobius(p, *best_mobius(p, q)), atol=1e-4
-        )
+        found = (parameter.item() for parameter in fit_mobius(*tensors(p, q)))
+        np.testing.assert_allclose(mobius(p, *found), mobius(p, *best_mobius(p, q)), atol=1e-4)
 
 
-def test_an_untrained_network_starts_at_the_born_step(net, landmarks):
+def test_an_untrained_network_starts_at_the_born_step(net):
     mesh = polar_disk(12, 36, POWER)
-    problem, weights = Problem(Disk(*mesh), *landmarks), Weights(1.0, 0.1, 1e3)
+    problem, weights = Problem(Disk(*mesh), *LANDMARKS), Weights(1.0, 0.1, 1e3)
     answers = net.answers(problem, weights, looks=2)
     np.testing.assert_allclose(answers["CP-Net, no look"], answers["Born step"], atol=1e-6)
     np.testing.assert_allclose(answers["CP-Net, 2 looks"], answers["Born step, 2 looks"], atol=1e-5)
-    asked = {"alpha": 1.0, "beta": 0.1, "gamma": 1e3}
-    np.testing.assert_array_equal(net.predict(*mesh, *landmarks, **asked), answers["CP-Net, 2 looks"])
-    fit = fit_landmarks(*mesh, *landmarks, 1.0, 0.1, 1e3)
-    errors = [exact_map(problem, mu).landmark_error for mu in answers.values()][:3]
-    assert abs(errors[2] - fit.landmark_error) < 0.1 * fit.landmark_error
-    assert abs(errors[1] - fit.landmark_error) < abs(errors[0] - fit.landmark_error)
+    np.testing.assert_array_equal(net.predict(*mesh, *LANDMARKS, 1.0, 0.1, 1e3), answers["CP-Net, 2 looks"])
+    fit = fit_landmarks(*mesh, *LANDMARKS, 1.0, 0.1, 1e3).landmark_error
+    off = [abs(exact_map(problem, mu).landmark_error - fit) for mu in answers.values()]
+    assert off[2] < 0.1 * fit and off[1] < off[0]
 
 
-def test_stiff_weights_have_a_finer_grid_and_more_looks_from_the_born_step_on(net, landmarks):
-    close = [np.append(points, points[0] + 0.01) for points in landmarks]
+def test_stiff_weights_have_a_finer_grid_and_more_looks_from_the_born_step_on(stirred):
+    net, mesh, close = stirred, polar_disk(16, 48, 1.4), [np.append(points, points[0] + 0.01) for points in LANDMARKS]
     assert net.rings(*close, Weights()) == 16  # close landmarks have a finer grid, too
     assert abs(net.predict(*square_disk(10), *close, looks=1)).max() < 1
-    net, mesh = stirred(net), polar_disk(16, 48, 1.4)
     for gamma, rings, looks, start in ((0.99e4, 12, 2, "CP-Net"), (1e4, 20, 7, "Born step")):
         weights = Weights(gamma=gamma)
-        assert net.rings(*landmarks, weights) == rings and net.looks_at(weights) == looks
-        problem = Problem(Disk(*mesh), *landmarks)
+        assert net.rings(*LANDMARKS, weights) == rings and net.looks_at(weights) == looks
+        problem = Problem(Disk(*mesh), *LANDMARKS)
         answers = net.answers(problem, weights, looks)
-        mu = net.predict(*mesh, *landmarks, gamma=gamma)
-        np.testing.assert_array_equal(mu, answers[f"{start}, {looks} looks"])
+        np.testing.assert_array_equal(net.predict(*mesh, *LANDMARKS, gamma=gamma), answers[f"{start}, {looks} looks"])
         assert abs(answers["CP-Net, no look"] - answers["Born step"]).max() > 1e-6
         if looks > 2:  # the best that was looked at: never worse for another look
             found = [
@@ -155,76 +133,43 @@ def test_stiff_weights_have_a_finer_grid_and_more_looks_from_the_born_step_on(ne
             assert (np.diff(found) < 0.05 * np.array(found[:-1])).all()
 
 
-def stirred(net):
-    """The same network with a head that is no longer 0."""
-    torch.manual_seed(0)
-    other = BestCPNet(net.config).eval().requires_grad_(False)
-    torch.nn.init.normal_(other.unet.head.weight, std=0.3)
-    return other
-
-
-def test_a_turn_of_the_disk_turns_the_answer(net, landmarks):
-    p, q = landmarks
-    z, faces = polar_disk(12, 36, 1.4)
+def test_a_turn_of_the_disk_turns_the_answer(net, stirred):
+    (p, q), (z, faces) = LANDMARKS, polar_disk(12, 36, 1.4)
     turn = np.exp(2j * np.pi * 5 / 36)  # by whole spokes
-    for model in (net, stirred(net)):
+    for model in (net, stirred):
         straight, turned = (model.predict(x * z, faces, x * p, x * q, 1.0, 0.1, 1e3) for x in (1, turn))
         np.testing.assert_allclose(turned, straight * turn**2, atol=0.02 * abs(straight).max())
 
 
-def test_absent_landmarks_change_nothing(net):
-    model, batch = stirred(net), items(2)
-    p, wanted, left, mask, *rest = (tensor[:1] for tensor in batch)
-    most = int(mask.sum())
-    cut = [x[:, :most] for x in (p, wanted, left, mask)]
-    torch.testing.assert_close(model(p, wanted, left, mask, *rest[:2]), model(*cut, *rest[:2]))
+def test_absent_landmarks_change_nothing(stirred):
+    *points, logs, born, _ = (tensor[:1] for tensor in batch("cpnet-best"))
+    cut = [x[:, : int(points[-1].sum())] for x in points]
+    torch.testing.assert_close(stirred(*points, logs, born), stirred(*cut, logs, born))
 
 
-def test_the_answer_is_a_coefficient_on_any_mesh(net, landmarks):
-    model = stirred(net)
-    for z, faces in (square_disk(10), polar_disk(9, 20)):
-        mu = model.predict(z, faces, *landmarks)
-        np.testing.assert_allclose(
-            model.predict(z, faces, *landmarks, 10.0, 0.1, 1e4), mu, atol=1e-5
-        )  # only ratios count
+def test_only_ratios_of_the_weights_count_and_few_landmarks_are_enough(stirred):
+    for mesh in (square_disk(10), polar_disk(9, 20)):
+        mu, other = (stirred.predict(*mesh, *LANDMARKS, *weights) for weights in ((), (10.0, 0.1, 1e4)))
+        np.testing.assert_allclose(other, mu, atol=1e-5)
     for count in (1, 2):
-        mu = model.predict(z, faces, *(x[:count] for x in landmarks))
-        assert np.isfinite(mu).all()
-    assert abs(model.predict(z, faces, landmarks[0][:2], mobius(landmarks[0][:2], 0.1, 0.5))).max() < 5e-3  # float32
+        assert np.isfinite(stirred.predict(*mesh, *(x[:count] for x in LANDMARKS))).all()
+    two = LANDMARKS[0][:2]
+    assert abs(stirred.predict(*mesh, two, mobius(two, 0.1, 0.5))).max() < 5e-3  # float32
 
 
-def test_bad_input_is_refused(net, landmarks):
-    p, q = landmarks
-    mesh = square_disk(8)
-    with pytest.raises(LandmarkError, match="closed unit disk"):
-        net.predict(*mesh, 3 * p, q)
-    with pytest.raises(LandmarkError, match="at most 128"):
-        net.predict(*mesh, np.linspace(-0.5, 0.5, 129), np.linspace(-0.4, 0.5, 129))
-    with pytest.raises(LandmarkError, match="gamma"):
-        net.predict(*mesh, p, q, gamma=-1)
+MANY = np.linspace(-0.5, 0.5, 129)
+BAD = [(3 * MANY[:5], MANY[:5], 1, "closed unit disk"), (MANY, MANY, 1, "at most 128"), (*LANDMARKS, -1, "gamma")]
 
 
-def items(count):
-    """The first problems of training."""
-    return [column[:count].clone() for column in drawn()]
+@pytest.mark.parametrize("moving, target, gamma, message", BAD)
+def test_bad_input_is_refused(net, moving, target, gamma, message):
+    with pytest.raises(LandmarkError, match=message):
+        net.predict(*square_disk(8), moving, target, gamma=gamma)
 
 
-@cache
-def drawn():
-    """Six problems of training, from three curves of four subjects."""
-    rng = np.random.default_rng(0)
-    t = np.linspace(-1, 1, DATA_POINTS)
-    middles = np.array([0.4, -0.35 + 0.3j, -0.1 - 0.45j])
-    curves = middles[:, None] + np.array([0.2j, 0.2, 0.15 - 0.15j])[:, None] * t
-    subjects = np.array(
-        [curves + 0.05 * (rng.random((3, 1)) - 0.5) * (1 + 1j) + 0.05 * rng.random() * t for _ in range(4)]
-    )
-    return [torch.stack(column) for column in zip(*Pairs(6, 1, subjects, SMALL))]
-
-
-def test_training_problems_are_masked_inside_and_solved(net):
-    p, wanted, left, mask, logs, born, nu = items(6)
-    assert p.shape == mask.shape == (6, 128) and born.shape == nu.shape == (6, 12, 36)
+def test_training_problems_are_masked_inside_and_solved():
+    p, wanted, left, mask, logs, born, nu = batch("cpnet-best")
+    assert p.shape == mask.shape == (4, 128) and born.shape == nu.shape == (4, 12, 36)
     assert p.abs().max() < 1 and (p[mask == 0] == 0).all() and mask.sum(1).min() >= 4
     assert (logs[:, 0] >= -4).all() and (logs[:, 0] <= 1).all() and (logs[:, 1] >= 0).all() and (logs[:, 1] <= 6).all()
     assert ((left.abs() ** 2).sum(1) < (wanted.abs() ** 2).sum(1)).all() and nu.abs().max() < 1.6
@@ -232,20 +177,18 @@ def test_training_problems_are_masked_inside_and_solved(net):
 
 def test_turns_and_mirrors_of_training_problems_are_problems(net):
     """The displacement that a turned or mirrored field makes is the turned or mirrored one."""
-    batch = items(4)
-    before = net.born.moved(batch[-1])
+    given = batch("cpnet-best")
+    before = net.born.moved(given[-1])
     for seed in range(3):
-        drawn = net.draw(batch, torch.Generator().manual_seed(seed))
+        drawn = net.draw(given, torch.Generator().manual_seed(seed))
         after = net.born.moved(drawn[-1])
-        point = drawn[0][:, 0] / batch[0][:, 0]  # of a turn alone
-        mirrored = (drawn[0][:, 0] / batch[0][:, 0].conj()).abs() - 1
-        assert point.abs().sub(1).abs().max() < 1e-5 and mirrored.abs().max() < 1e-5
+        torch.testing.assert_close(drawn[0].abs(), given[0][:, : drawn[0].shape[1]].abs())
         torch.testing.assert_close(after.abs().mean((1, 2)), before.abs().mean((1, 2)), rtol=1e-3, atol=1e-6)
-        places = [net.grid.locate(points) for points in (drawn[0], batch[0])]
         there, here = (
-            net.grid.sample(net.grid.with_centre(field), place).abs() for field, place in zip((after, before), places)
+            net.grid.sample(net.grid.with_centre(field), net.grid.locate(points)).abs()
+            for field, points in ((after, drawn[0]), (before, given[0]))
         )
-        torch.testing.assert_close(there * drawn[3], (here * batch[3])[:, : there.shape[1]], rtol=0.05, atol=2e-3)
+        torch.testing.assert_close(there * drawn[3], (here * given[3])[:, : there.shape[1]], rtol=0.05, atol=2e-3)
 
 
 @pytest.fixture(scope="module")
@@ -255,8 +198,8 @@ def paper():
     t = np.linspace(-0.3, 0.3, 4)
     model.targets.copy_(torch.from_numpy(np.concatenate([0.3 + 1j * t, t - 0.3j])))  # both curves hold 0.3 - 0.3j
     torch.nn.init.normal_(model.head.weight, std=0.5)
-    network = PaperDBSNet(PaperDBSNetConfig(size=16, frequencies=2))
-    model.solver = [network.mesh, lambda mu: network(mu)[0]]
+    maps = network("dbsnet-straight")
+    model.solver = [maps.mesh, lambda mu: maps(mu)[0]]
     return model
 
 
@@ -269,7 +212,7 @@ def moved(paper):
 def test_the_papers_network_points_anywhere_below_one(paper):
     p = tensors(*moved(paper))[0]
     mu = paper(p).detach()
-    assert mu.shape == (1, 16, 16) and 0 < mu.abs().max() < 1
+    assert mu.shape == (1, 8, 8) and 0 < mu.abs().max() < 1
     with torch.no_grad():
         for parameter in paper.head.parameters():
             parameter.neg_()

@@ -66,8 +66,9 @@ def batch(name):
         items = CurveDataset(4, 5, [grown(1, 1000)], size=32, points=37)
     elif name.startswith("cpnet"):
         t = np.linspace(-1, 1, DATA_POINTS)
-        curves = 0.05 * rng.random((4, 3, 1)) + np.array([[0.4], [-0.35 + 0.3j], [-0.1 - 0.45j]]) + 0.2j * t
-        items = Pairs(4, 1, curves, CPNET)
+        curves = np.array([[0.4], [-0.35 + 0.3j], [-0.1 - 0.45j]]) + np.array([[0.2j], [0.2], [0.15 - 0.15j]]) * t
+        moved = [curves + 0.05 * ((rng.random((3, 1)) - 0.5) * (1 + 1j) + rng.random() * t) for _ in range(4)]
+        items = Pairs(4, 1, np.array(moved), CPNET)
     elif name == "dbsnet-best":
         mesh = network(name).solver.mesh
         return (torch.from_numpy(np.array([random_mu(rng, mesh.z, mesh.faces, 0.5) for _ in range(4)])).cfloat(),)
