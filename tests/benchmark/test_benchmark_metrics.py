@@ -10,6 +10,7 @@ from qclearn.benchmark.measures import (
     landmark_measures,
     near_curves,
 )
+from qclearn.benchmark.reference_metrics import middle_distance, tails
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk
 from qclearn.surfaces.surface import Surface
@@ -81,3 +82,14 @@ def test_distortion_by_hand():
     assert found["area_distortion"] == pytest.approx(abs(np.log2(ratio)).mean())
     lost = distortion_measures(surface, flat(np.array([0, 1, 1 + 1j, 0.5 + 0.5j])))
     assert lost["area_distortion"] == pytest.approx((1 + np.log2(1e6)) / 2)
+    # A flat disk, stretched by the same everywhere: areas of equal total do not change.
+    z, faces = polar_disk(4, 12)
+    found = tails(Surface(flat(z), faces), flat(z) * [1.3, 0.8, 1])
+    assert found == pytest.approx({"areal_95": 0, "shape_95": np.log2(1.3 / 0.8)}, abs=1e-9)
+
+
+def test_the_middle_of_a_curve_leaves_its_ends_out():
+    line = np.stack([np.linspace(0, 10, 101), *np.zeros((2, 101))], 1)
+    bent = line + np.where(abs(line[:, :1] - 5) > 4, [0.0, 2.0, 0.0], [0.0, 0.5, 0.0])
+    assert middle_distance(line, bent) == pytest.approx(0.5)
+    assert middle_distance(line, line[::-1]) == 0

@@ -1,7 +1,6 @@
 """The study of peers: programs are measured in processes of their own, and leave nothing running."""
 
 import json
-import os
 import shlex
 import sys
 import time
@@ -15,6 +14,7 @@ import pytest
 
 from book.studies import peers
 from book.studies.peers import measured
+from catsurf import put_in_place_of_cat_surf
 from qclearn.benchmark.measured import BenchmarkError, read_measured
 from qclearn.benchmark.methods.spheres import Sphere, closed
 from qclearn.benchmark.pairs import Pair, mapped
@@ -71,19 +71,6 @@ def pair():
     return Pair(moving, control, tuple(curves_of_both(moving.surface, control.surface)))
 
 
-STAND_IN = """
-import nibabel, numpy as np
-def read_surface(path):
-    return tuple(array.data for array in nibabel.load(path).darrays)
-def write_surface(path, points, faces):
-    kinds = zip((points.astype("f4"), faces.astype("i4")), ("NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE"))
-    arrays = [nibabel.gifti.GiftiDataArray(data, intent) for data, intent in kinds]
-    nibabel.save(nibabel.gifti.GiftiImage(darrays=arrays), path)
-def spherical_demon(moving, sphere, control, other):
-    return sphere[0] * [1, -1, -1], sphere[1]
-"""
-
-
 def test_every_row_gets_what_its_process_took_and_demons_its_own_time(tmp_path, monkeypatch, pair):
     def rows_of(out, subjects, vertices, sets, runs, methods, **_):
         """Rows of the kept file, and an answer of the program, as a row's process would keep it."""
@@ -96,8 +83,7 @@ def test_every_row_gets_what_its_process_took_and_demons_its_own_time(tmp_path, 
         ]
         out.write_text(json.dumps(kept | {"rows": [row | {"cpu_seconds": None, "memory_mb": None} for row in rows]}))
 
-    (tmp_path / "cat_surf.py").write_text(STAND_IN)
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+    put_in_place_of_cat_surf(tmp_path, monkeypatch)
     chosen = "Möbius", "Spherical Demons"
     spec = Spec("heldout", "right to left, first half", lambda: pair)
     replaced = {"require": print, "benchmark": rows_of, "problems": lambda *_: [spec], "version": lambda _: "9.9"}
