@@ -1,7 +1,6 @@
 """The energy of a surface: areas are measured right, their derivative holds, and a fit that sees
 them distorts less."""
 
-import json
 import re
 from dataclasses import replace
 
@@ -59,57 +58,37 @@ def objective_of(problem, level):
 OWN, ON_GRID = Level(8, 4.0, 4, "own"), Level(12, 4.0, 4)
 
 
-@pytest.mark.parametrize("level, tolerance", [(OWN, 0.02), (ON_GRID, 0.02)])
-def test_the_areal_scale_of_a_known_map_is_found(level, tolerance):
+@pytest.mark.parametrize("level", [OWN, ON_GRID])
+def test_the_areal_scale_of_a_known_map_is_found(level):
     objective = objective_of(problem_of(sides_of(flat(MOVING), grown(CONTROL))), level)
     mesh = objective.coefficient_mesh.disk
     f = TWIST(mesh.z)  # which keeps the area of the plane
     expected = growth_of(f)[mesh.faces].mean(1)
     inner = abs(mesh.centroids) < 0.9
     off = objective.area_term.log_areal(f) - expected
-    assert np.sqrt((off[inner] ** 2).mean()) < tolerance and abs(off[inner]).max() < 3 * tolerance
+    assert np.sqrt((off[inner] ** 2).mean()) < 0.02 and abs(off[inner]).max() < 0.06
     assert np.ptp(expected[inner]) > 0.8
 
 
 def test_a_mobius_map_of_the_moving_disk_changes_no_area_of_the_surfaces():
-    side, turn = grown(MOVING), (0.3 - 0.1j, 0.5)
-    moved = replace(side, disk=side.disk.at(mobius(side.disk.z, *turn)))
-    sides = sides_of(side, grown(CONTROL), [(folds(MOVING.z)[0], folds(CONTROL.z)[0])])
-    found = []
-    for moving, f in ((sides.moving, MOVING.z), (replace(sides.moving, disk=moved.disk), MOVING.z)):
-        found.append(objective_of(problem_of(replace(sides, moving=moving)), OWN).area_term.log_areal(f))
+    side, found = grown(MOVING), []
+    turned = replace(side, disk=side.disk.at(mobius(side.disk.z, 0.3 - 0.1j, 0.5)))
+    for moving in (side, turned):
+        found.append(objective_of(problem_of(sides_of(moving, grown(CONTROL))), OWN).area_term.log_areal(MOVING.z))
     off = found[0] - found[1]  # the log of a mean around a vertex, the mean of logs
     assert np.sqrt((off**2).mean()) < 0.01 and np.sqrt((found[0] ** 2).mean()) < 0.02
 
 
 @pytest.mark.parametrize("level", [OWN, ON_GRID])
 def test_the_derivative_of_areas_equals_central_differences(level):
-    objective, rng = (
-        objective_of(problem_of(sides_of(grown(MOVING, -0.2), grown(CONTROL))), level),
-        np.random.default_rng(5),
-    )
-    f, step = mobius(TWIST(objective.coefficient_mesh.disk.z), 0.1 + 0.05j, 0.2), 1e-6
-    for _ in range(3):
-        a, b, c = rng.normal(size=3) + 1j * rng.normal(size=3)
+    objective = objective_of(problem_of(sides_of(grown(MOVING, -0.2), grown(CONTROL))), level)
+    f, step, rng = mobius(TWIST(objective.coefficient_mesh.disk.z), 0.1 + 0.05j, 0.2), 1e-6, np.random.default_rng(5)
+    for a, b, c in rng.normal(size=(3, 3)) + 1j * rng.normal(size=(3, 3)):
         change = 0.1 * (1 - abs(f) ** 2) * (a + b * f + c * f.conj() ** 2)
-        expected = (
-            objective.area_term.residual(f + step * change) - objective.area_term.residual(f - step * change)
-        ) / (2 * step)
+        ahead, behind = (objective.area_term.residual(f + sign * step * change) for sign in (1, -1))
+        expected = (ahead - behind) / (2 * step)
         found = (objective.area_term.rows(f).conj() @ change).real
         assert np.linalg.norm(found - expected) < 5e-3 * np.linalg.norm(expected)
-
-
-def test_prior_and_areas_together_are_henckys_energy():
-    """alpha |nu|^2 + alpha/4 (log J)^2 is half of alpha times the squared logs of the principal
-    stretches."""
-    rng = np.random.default_rng(0)
-    A = rng.normal(size=(20, 2, 2))
-    A[np.linalg.det(A) < 0, 0] *= -1
-    a = (A[:, 0, 0] + A[:, 1, 1] + 1j * (A[:, 1, 0] - A[:, 0, 1])) / 2
-    b = (A[:, 0, 0] - A[:, 1, 1] + 1j * (A[:, 1, 0] + A[:, 0, 1])) / 2
-    stretches = np.log(np.linalg.svd(A, compute_uv=False))
-    nu, log_j = np.arctanh(abs(b / a)), np.log(abs(a) ** 2 - abs(b) ** 2)
-    np.testing.assert_allclose(nu**2 + log_j**2 / 4, (stretches**2).sum(1) / 2)
 
 
 def test_a_face_that_folds_costs_much_and_not_infinitely():
@@ -121,25 +100,20 @@ def test_a_face_that_folds_costs_much_and_not_infinitely():
     assert abs(objective.area_term.log_areal(f)).max() == pytest.approx(-np.log(objective.area_term.FLOOR), rel=0.1)
 
 
-@pytest.fixture(scope="module")
-def pulled():
-    """Three landmarks pulled across a disk, with eta 0, 0.3 and 3."""
+def test_with_landmarks_alone_a_larger_eta_changes_less_area():
+    """Three landmarks pulled across a disk."""
     p = 0.4 * np.exp(2j * np.pi * np.arange(3) / 3)
     problem = problem_of(sides_of(flat(MOVING), flat(CONTROL)), p, [0.7, *(0.35 * p[1:] / abs(p[1:]))])
-    return [(fit_problem(problem, Weights(eta=eta)), eta) for eta in (0.0, 0.3, 3.0)]
-
-
-def test_with_landmarks_alone_a_larger_eta_changes_less_area(pulled):
-    spread = []
-    for fit, _ in pulled:
+    fits, spread = [fit_problem(problem, Weights(eta=eta)) for eta in (0.0, 0.3, 3.0)], []
+    for fit in fits:
         ratio = np.log(MOVING.at(fit.f).areas / MOVING.areas)
         spread.append(MOVING.areas @ (ratio - MOVING.areas @ ratio / MOVING.areas.sum()) ** 2)
         assert fit.bijective and fit.fallbacks == () and fit.landmark_error < 0.05
     assert spread[2] < 0.8 * spread[1] < 0.8 * 0.9 * spread[0]
-    assert "L_area" not in pulled[0][0].losses and pulled[2][0].losses["L_area"] < pulled[1][0].losses["L_area"]
+    assert "L_area" not in fits[0].losses and fits[2].losses["L_area"] < fits[1].losses["L_area"]
 
 
-def test_without_eta_the_papers_setting_is_met_exactly(monkeypatch):
+def test_without_eta_the_papers_setting_is_met_exactly_and_the_report_tells_eta(monkeypatch):
     seen = []
 
     def fit(problem, *given, **options):
@@ -147,19 +121,13 @@ def test_without_eta_the_papers_setting_is_met_exactly(monkeypatch):
         return fit_problem(problem, *given, **options)
 
     monkeypatch.setattr(fit_module, "fit_problem", fit)
-    result = register(bowl(0.6), bowl(0.9), entries(0), features=None, eta=0)
-    (problem,) = seen
+    pair = bowl(0.6), bowl(1.2), entries(0)
+    usual, plain, much = (register(*pair, features=None, **eta) for eta in ({}, {"eta": 0}, {"eta": 2.0}))
+    problem = seen[1]
     alone = fit_landmarks(problem.disk.z, problem.disk.faces, problem.moving, problem.target, curve=problem.curve)
-    np.testing.assert_allclose(result.disk_map, alone.f, rtol=0, atol=1e-9)
-    assert result.report["eta"] == 0 and register(bowl(0.6), bowl(0.9), entries(0), features=None).report["eta"] == 0
-
-
-def test_the_report_tells_eta_and_distortions():
-    told = [register(bowl(0.6), bowl(1.2), entries(0), eta=eta, features=None).report for eta in (0.0, 2.0)]
-    areas = [report["distortion"]["log2_area"] for report in told]
-    assert [report["eta"] for report in told] == [0.0, 2.0] and json.dumps(told)
-    assert all(list(area) == ["50", "95", "100"] and area["50"] < area["95"] < area["100"] for area in areas)
-    assert areas[1]["95"] < areas[0]["95"]
+    np.testing.assert_allclose(plain.disk_map, alone.f, rtol=0, atol=1e-9)
+    assert [one.report["eta"] for one in (usual, plain, much)] == [0, 0, 2]
+    assert much.report["distortion"]["log2_area"]["95"] < plain.report["distortion"]["log2_area"]["95"]
 
 
 def tall(disk, height=0.5):
@@ -173,30 +141,19 @@ def tall(disk, height=0.5):
 MAPS = list(zip(folds(TWIST(MOVING.z)), folds(CONTROL.z)))
 
 
-@pytest.fixture(scope="module")
-def spoilt():
-    """Fits of one problem from three Möbius starts: the true one, one turned, and one far off."""
-    sides, found = sides_of(tall(MOVING), tall(CONTROL), MAPS), []
+def test_fits_from_spoilt_starts_end_where_the_good_one_does_and_say_how():
+    """From three Möbius starts: the true one, one turned, and one far off."""
+    sides, fits = sides_of(tall(MOVING), tall(CONTROL), MAPS), []
     for start in [(0j, 0.0), (0.3j, -0.5), (-0.3 + 0.2j, np.pi)]:
-        disk = MOVING.at(mobius(MOVING.z, *start))
-        laid = replace(sides, moving=replace(sides.moving, disk=disk))
-        found.append(fit_registration(problem_of(laid), WEIGHTS, sides.features))
-    return found
-
-
-def test_fits_from_spoilt_starts_end_where_the_good_one_does(spoilt):
-    good, *others = spoilt
-    assert abs(good.f - TWIST(MOVING.z)).mean() < 0.02
-    for fit in others:
-        assert abs(fit.f - good.f).mean() < 0.02 and fit.bijective
-
-
-def test_the_start_is_told_in_words(spoilt):
-    good, *_, last = spoilt
-    assert re.match(r"by crude spheres, 0\.\d+ in the disk from the best Möbius map of features", good.start_message)
-    assert re.match(r"by spheres \(objective \S+\), not by features \(objective \S+\)", last.start_message)
-    taken, left = map(float, re.findall(r"objective ([\d.]+)", last.start_message))
-    assert taken < left
+        laid = replace(sides, moving=replace(sides.moving, disk=MOVING.at(mobius(MOVING.z, *start))))
+        fits.append(fit_registration(problem_of(laid), WEIGHTS, sides.features))
+    assert abs(fits[0].f - TWIST(MOVING.z)).mean() < 0.02
+    for fit in fits[1:]:
+        assert abs(fit.f - fits[0].f).mean() < 0.02 and fit.bijective
+    first, last = fits[0].start_message, fits[2].start_message
+    assert re.match(r"by crude spheres, 0\.\d+ in the disk from the best Möbius map of features", first)
+    found = re.match(r"by spheres \(objective ([\d.]+)\), not by features \(objective ([\d.]+)\)", last)
+    assert float(found[1]) < float(found[2])
 
 
 def test_places_that_mislead_do_no_harm():
@@ -207,21 +164,6 @@ def test_places_that_mislead_do_no_harm():
     sides = sides_of(turned, tall(CONTROL), MAPS)
     fit = fit_registration(problem_of(sides), WEIGHTS, sides.features)
     assert fit.start_message.startswith("by features (objective") and abs(fit.f - TWIST(MOVING.z)).mean() < 0.02
-
-
-@pytest.mark.parametrize(
-    "eta, more, words",
-    [
-        (-0.1, {}, "eta = -0.1: must be finite and not negative"),
-        (np.nan, {}, "eta = nan"),
-        (np.inf, {"features": None}, "eta = inf"),
-        ("much", {}, "eta = 'much'"),
-        (0.5, {"features": None, "method": "network"}, "eta = 0.5 and the networks alone: .*eta=0"),
-    ],
-)
-def test_an_eta_that_cannot_be_used_is_refused(eta, more, words):
-    with pytest.raises(LandmarkError, match=words):
-        register(bowl(0.6), bowl(0.9), entries(0), eta=eta, **more)
 
 
 def test_eta_without_surfaces_is_refused():
