@@ -1,5 +1,4 @@
-"""LD-Net: its pictures, its loss and symmetries, what its curves keep by construction, and bad
-input."""
+"""LD-Net: its pictures, its loss and symmetries, what its curves keep by construction, and bad input."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -7,12 +6,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import torch
+from test_networks import batch, network
 
 from data_synth.datasets import CurveDataset
 from known_surfaces import sphere
 from qclearn.nets import load
-from qclearn.nets.ldnet import PRESETS, BestLDNet, BestLDNetConfig, contrast, heat_metric, refine, smoothed, some, whole
-from qclearn.nets.ldnet_paper import PaperLDNet, PaperLDNetConfig, nearest_pixels
+from qclearn.nets.ldnet import PRESETS, contrast, heat_metric, refine, smoothed, some, whole
 from qclearn.nets.pictures import stamp, turn
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import pixel_centres
@@ -27,8 +26,6 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore::qclearn.plane.bijectivity.RepairWarning"),
     pytest.mark.usefixtures("one_thread"),
 ]
-SMALL = BestLDNetConfig(size=32, widths=(16, 24, 32))
-PAPER = PaperLDNetConfig(size=32, widths=(16, 16, 16), hidden=64)
 
 
 @pytest.fixture(scope="module")
@@ -42,17 +39,6 @@ def subject(cortex):
     return cortex.surface, disk_conformal_map(cortex.surface), ends
 
 
-@pytest.fixture(scope="module")
-def batch(cortex):
-    dataset = CurveDataset(4, 5, [cortex], size=32, points=37)
-    return tuple(torch.stack(column) for column in zip(*dataset))
-
-
-def untrained(network, config):
-    torch.manual_seed(0)
-    return network(config).eval()
-
-
 def test_a_stamp_is_the_bell_around_its_nearest_point():
     points = torch.tensor([[0.31 + 0.2j, -0.5 - 0.11j, 0.33 + 0.25j, 0.9 + 0.9j]])
     shown = torch.tensor([[True, True, True, False]])
@@ -62,18 +48,15 @@ def test_a_stamp_is_the_bell_around_its_nearest_point():
 
 
 def test_symmetries_move_points_with_their_pixels():
-    """A turned image of stamped points is the image of the turned points: fails if one of them
-    turns the other way."""
-    generator = torch.Generator().manual_seed(0)
+    """A turned image of stamped points is the image of the turned points."""
+    generator, shown = torch.Generator().manual_seed(0), torch.ones(64, 5, dtype=torch.bool)
     points = torch.complex(*(torch.rand(2, 64, 5, generator=generator) * 1.6 - 0.8))
-    images = stamp(points, torch.ones(64, 5, dtype=torch.bool), 32, 1.0)[:, None]
-    turned, moved = turn(images, points, generator)
-    torch.testing.assert_close(turned[:, 0], stamp(moved, torch.ones(64, 5, dtype=torch.bool), 32, 1.0))
-    constant = [
-        abs(ratio - ratio.mean(1, keepdim=True)).amax(1) < 1e-3 for ratio in (moved / points, moved / points.conj())
-    ]
+    turned, moved = turn(stamp(points, shown, 32, 1.0)[:, None], points, generator)
+    torch.testing.assert_close(turned[:, 0], stamp(moved, shown, 32, 1.0))
+    ratios = moved / points, moved / points.conj()
+    constant = [abs(ratio - ratio.mean(1, keepdim=True)).amax(1) < 1e-3 for ratio in ratios]
     assert (constant[0] ^ constant[1]).all() and 16 < constant[0].sum() < 48  # turns and reflections
-    turns = (moved / points)[constant[0]].mean(1)
+    turns = ratios[0][constant[0]].mean(1)
     assert len(set(np.round(turns.numpy(), 3))) == 4
 
 
@@ -83,10 +66,8 @@ def test_some_curves_and_parts_of_curves_are_shown():
     assert (first >= 0).all() and (last <= 36).all() and (last - first >= 9).all()
     assert shown.any(1).all() and 0.2 < shown.all(1).float().mean() < 0.5
     assert 0.1 < ((first > 0) | (last < 36)).float().mean() < 0.3
-    assert all(
-        torch.equal(a[0], b)
-        for a, b in zip(whole(curves), (torch.zeros(8).long(), torch.full((8,), 36), torch.ones(8, dtype=torch.bool)))
-    )
+    first, last, shown = whole(curves)
+    assert (first == 0).all() and (last == 36).all() and shown.all()
 
 
 def test_contrast_keeps_black_white_and_the_order_of_greys():
@@ -102,17 +83,15 @@ def test_points_between_lie_on_the_polyline():
     assert points[0, 0].tolist() == [0, 0.5, 1, 1 + 1j, 1 + 2j] and place.tolist() == [0, 0.5, 1, 1.5, 2]
 
 
-def test_the_printed_loss_is_a_sum_of_squares(batch):
-    model = untrained(PaperLDNet, PAPER)
-    images, ends, curves = batch
-    found = model(images, ends)
-    by_hand = (abs(found - curves[:, :, ::4]) ** 2).sum() / len(images)
-    assert model.loss(batch, None)[0].item() == pytest.approx(by_hand.item(), rel=1e-5)
+def test_the_printed_loss_is_a_sum_of_squares():
+    model, (images, ends, curves) = network("ldnet-paper"), batch("ldnet-paper")
+    by_hand = (abs(model(images, ends) - curves[:, :, ::4]) ** 2).sum() / len(images)
+    assert model.loss((images, ends, curves), None)[0].item() == pytest.approx(by_hand.item(), rel=1e-5)
 
 
 def test_curves_join_their_endpoints_along_edges(subject):
     surface, z, ends = subject
-    curves = untrained(BestLDNet, SMALL).detect(surface, z, ends)
+    curves, again = (network("ldnet-best").detect(surface, z, ends) for _ in range(2))
     vertex = {point: k for k, point in enumerate(z)}
     edges = {frozenset(edge) for edge in surface.edges.tolist()}
     assert len(curves) == len(ends)
@@ -120,22 +99,18 @@ def test_curves_join_their_endpoints_along_edges(subject):
         path = [vertex[point] for point in curve]
         assert [path[0], path[-1]] == pair.tolist()
         assert all(frozenset(pair) in edges for pair in pairwise(path))
-    again = untrained(BestLDNet, SMALL).detect(surface, z, ends)
     assert all(np.array_equal(a, b) for a, b in zip(curves, again))
 
 
 def test_a_path_follows_the_heat_and_the_fundus(subject):
-    """Cheap where the network is sure, and cheaper where the surface is concave: either sign fails
-    if it flips."""
-    surface = subject[0]
-    zero = np.zeros(len(surface.vertices))
+    """Cheap where the network is sure, and cheaper where the surface is concave."""
+    surface, zero = subject[0], np.zeros(len(subject[1]))
     plain, warm = (heat_metric(surface, zero + heat, zero) for heat in (0, 0.5))
     np.testing.assert_allclose(warm / plain, 0.8 / 1.3)
     depth = sulcal_depth(surface)[surface.edges].mean(1)
     assert np.corrcoef(depth, plain / weigh_edges(surface, 1 + zero))[0, 1] < -0.9
     H = np.random.default_rng(0).normal(size=len(zero))
-    both = smoothed(surface, H)[surface.edges].mean(1)
-    ratio = heat_metric(surface, zero, H) / plain
+    both, ratio = smoothed(surface, H)[surface.edges].mean(1), heat_metric(surface, zero, H) / plain
     assert np.corrcoef(both, ratio)[0, 1] > 0.9
 
 
@@ -147,25 +122,21 @@ def test_smoothing_keeps_constants_and_is_the_umbrellas(subject):
     assert smoothed(surface, z.real, 1)[vertex] == pytest.approx((z.real[vertex] + z.real[around].mean()) / 2)
 
 
-def test_the_papers_curves_keep_the_endpoints_and_stay_in_the_disk(subject):
+def test_the_papers_curves_are_as_many_as_it_was_trained_on_keep_the_endpoints_and_stay_in_the_disk(subject):
     surface, z, ends = subject
-    curves = untrained(PaperLDNet, PAPER).detect(surface, z, ends)
+    curves = network("ldnet-paper").detect(surface, z, ends)
     assert [len(curve) for curve in curves] == [10] * 8
     assert all(curve[0] == z[a] and curve[-1] == z[b] for curve, (a, b) in zip(curves, ends))
     assert all((abs(curve) <= 1 + 1e-9).all() for curve in curves)
-
-
-def test_the_papers_marks_are_those_of_its_training_set(batch):
-    images, ends, _ = batch
-    for image, pairs in zip(images, ends):
-        assert torch.equal(nearest_pixels(pairs.flatten(), 32).float(), image[1])
+    with pytest.raises(LandmarkError, match="3 pairs of endpoints; .* trained on 8 curves"):
+        network("ldnet-paper").detect(surface, z, ends[:3])
 
 
 def test_the_papers_network_sees_the_picture_it_was_trained_on(subject, cortex):
     surface, _, ends = subject
     dataset = CurveDataset(1, 2, [cortex], size=32, max_abs=(0.0, 0.0))
     image, points, _ = dataset[0]
-    model, seen = untrained(PaperLDNet, PAPER), []
+    model, seen = network("ldnet-paper"), []
     model.register_forward_pre_hook(lambda module, inputs: seen.append(inputs))
     turned = dataset.subjects[0][2].solve(np.zeros(len(surface.faces)))
     turned = turned * (points[0, 0].numpy() / area_radius(surface, turned).to_image(turned[ends[0, 0]]))
@@ -187,40 +158,32 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize("network, config", [(BestLDNet, SMALL), (PaperLDNet, PAPER)])
+@pytest.mark.parametrize("name", ["ldnet-best", "ldnet-paper"])
 @pytest.mark.parametrize("change, error, message", BAD)
-def test_bad_input_is_named(subject, network, config, change, error, message):
+def test_bad_input_is_named(subject, name, change, error, message):
     with pytest.raises(error, match=message):
-        untrained(network, config).detect(*change(*subject))
-
-
-def test_the_papers_network_takes_its_number_of_curves(subject):
-    surface, z, ends = subject
-    with pytest.raises(LandmarkError, match="3 pairs of endpoints; .* trained on 8 curves"):
-        untrained(PaperLDNet, PAPER).detect(surface, z, ends[:3])
+        network(name).detect(*change(*subject))
 
 
 def test_presets_are_of_their_size():
-    for preset, (network, config) in PRESETS.items():
-        model = network(config)
+    for preset, (kind, config) in PRESETS.items():
+        model = kind(config)
         assert config.preset == preset and model.config == config
         assert 4 * sum(parameter.numel() for parameter in model.parameters()) < 5e6
-        assert network(replace(config, size=64)).config.size == 64
+        assert kind(replace(config, size=64)).config.size == 64
 
 
 def test_the_shipped_weights_find_sulci():
-    """On subjects of no training set, if coarser than those: a mean distance below 2 mm, and below
-    the others'."""
+    """On subjects of no training set, if coarser than those: a mean distance below 2 mm, and below the others'."""
     detectors, found = (load("ldnet").detect, load("ldnet", "paper").detect, detect_curves), []
     for cortex in (grown(1, 2500), grown(2, 2500)):
         side = parameterize(cortex.surface)
         surface, z = side.surface, side.disk.z
-        paths = list(cortex.curves.values())
-        ends = np.array([path[[0, -1]] for path in paths])
-        truth = curves_in_space(side, [z[path] for path in paths])
+        ends = np.array([path[[0, -1]] for path in cortex.curves.values()])
+        truth = curves_in_space(side, [z[path] for path in cortex.curves.values()])
         for detect in detectors:
             curves = curves_in_space(side, detect(surface, z, ends))
-            found.append(np.mean([curve_distance(*pair) for pair in zip(truth, curves)]))
+            found.append(np.mean(list(map(curve_distance, truth, curves))))
     best, paper, twin = np.reshape(found, (2, 3)).mean(0)
     assert best < 2 and best < twin and best < paper < 6
 
