@@ -4,7 +4,7 @@ import json
 import shlex
 import sys
 import time
-from dataclasses import replace
+from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,7 +16,6 @@ from book.studies import peers
 from book.studies.peers import measured
 from catsurf import put_in_place_of_cat_surf
 from qclearn.benchmark.measured import BenchmarkError, read_measured
-from qclearn.benchmark.methods.spheres import Sphere, closed
 from qclearn.benchmark.pairs import Pair, mapped
 from qclearn.benchmark.problems import Spec
 from qclearn.plane.grids import polar_disk
@@ -40,50 +39,33 @@ def test_a_program_that_fails_or_is_late_is_named_and_no_child_of_it_stays(tmp_p
     number = tmp_path / "pid"
     with pytest.raises(BenchmarkError, match=f"sh {words}"):
         measured(["sh", "-c", f"sleep 600 & echo $! > {number}; {end}"], 2)
-    stop = time.monotonic() + 30
-    while alive(int(number.read_text())):
-        assert time.monotonic() < stop, "its child still runs"
-        time.sleep(0.05)
-
-
-def alive(number):
-    """Whether a process runs; a dead one stays in the list until its parent has asked for it."""
-    try:
-        return psutil.Process(number).status() != psutil.STATUS_ZOMBIE
-    except psutil.NoSuchProcess:
-        return False
+    with suppress(psutil.NoSuchProcess):
+        child, stop = psutil.Process(int(number.read_text())), time.monotonic() + 30
+        while child.status() != psutil.STATUS_ZOMBIE:  # a dead one stays until its parent has asked for it
+            assert time.monotonic() < stop, "its child still runs"
+            time.sleep(0.05)
 
 
 def cap(height):
-    """A cap with a curve along a spoke, closed by a patch below, and its whole on a sphere."""
+    """A cap with a curve along a spoke."""
     z, faces = polar_disk(8, 24)
     points = 50 * np.stack([z.real, z.imag, height * (1 - abs(z) ** 2)], 1)
-    surface = Surface(points, faces, {"spoke": 1 + 24 * np.arange(2, 7)})
-    whole = closed(surface)
-    ball = whole.vertices - [0, 0, 25 * height]
-    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
-    return replace(mapped(surface), sphere=Sphere(surface, (whole, ball)))
+    return mapped(Surface(points, faces, {"spoke": 1 + 24 * np.arange(2, 7)}))
 
 
-@pytest.fixture(scope="module")
-def pair():
-    moving, control = cap(1.0), cap(1.2)
-    return Pair(moving, control, tuple(curves_of_both(moving.surface, control.surface)))
-
-
-def test_every_row_gets_what_its_process_took_and_demons_its_own_time(tmp_path, monkeypatch, pair):
+def test_every_row_gets_what_its_process_took_and_demons_its_own_time(tmp_path, monkeypatch):
     def rows_of(out, subjects, vertices, sets, runs, methods, **_):
         """Rows of the kept file, and an answer of the program, as a row's process would keep it."""
         problem = SimpleNamespace(pair=pair)
         half_turn = pair.moving.sphere.points * [1, -1, -1]
         np.testing.assert_allclose(methods["spherical_demons"](problem), half_turn, atol=1e-6)
-        kept = read_measured("peers")
-        rows = [
-            row for row in kept["rows"] if row["run"] in chosen and (row["set"], row["pair"]) == (spec.set, spec.pair)
-        ]
-        out.write_text(json.dumps(kept | {"rows": [row | {"cpu_seconds": None, "memory_mb": None} for row in rows]}))
+        kept, none = read_measured("peers"), {"cpu_seconds": None, "memory_mb": None}
+        rows = [row | none for row in kept["rows"] if (row["set"], row["pair"]) == (spec.set, spec.pair)]
+        out.write_text(json.dumps(kept | {"rows": [row for row in rows if row["run"] in chosen]}))
 
     put_in_place_of_cat_surf(tmp_path, monkeypatch)
+    moving, control = cap(1.0), cap(1.2)
+    pair = Pair(moving, control, tuple(curves_of_both(moving.surface, control.surface)))
     chosen = "Möbius", "Spherical Demons"
     spec = Spec("heldout", "right to left, first half", lambda: pair)
     replaced = {"require": print, "benchmark": rows_of, "problems": lambda *_: [spec], "version": lambda _: "9.9"}

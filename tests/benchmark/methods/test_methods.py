@@ -288,8 +288,3 @@ def test_presets_and_weights_reach_the_networks(moved, twins):
     asked = twins(1.0)
     METHODS["cpnet_dbsnet"](moved, preset="paper", alpha=1.0, beta=1.0, gamma=1e4)
     assert asked == [("cpnet", "paper", 1e4), ("dbsnet", "paper")]
-
-
-def test_missing_weights_are_named():
-    with pytest.raises(ValueError, match="one of them|no weights"):
-        networks.network("cpnet", "paper", 3.0)
