@@ -65,8 +65,7 @@ def bumpy(height):
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """FreeSurfer's files of two whole surfaces, lh and rh, a cortex label and a landmarks file in
-    whole numbers."""
+    """FreeSurfer's files of two whole surfaces, lh and rh, a cortex label and a landmarks file in whole numbers."""
     folder = tmp_path_factory.mktemp("subject")
     rng = np.random.default_rng(0)
     turn = rng.permutation(642)  # so that the cut-open numbers are others

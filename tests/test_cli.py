@@ -166,8 +166,7 @@ def test_the_demo_registers_real_cortex(demo):
 
 
 def test_the_demo_writes_four_files_that_know_both_surfaces(demo):
-    """With a mirrored moving surface: numbers, sides and faces of the whole one are those of its
-    file."""
+    """With a mirrored moving surface: numbers, sides and faces of the whole one are those of its file."""
     assert everything(demo) == FILES and everything(demo.parent) == ["qclearn-demo"] + [
         f"qclearn-demo/{f}" for f in FILES
     ]
@@ -191,8 +190,7 @@ def test_the_demo_writes_four_files_that_know_both_surfaces(demo):
 
 
 def test_maps_are_carried_over_on_real_cortex(demo, tmp_path):
-    """The control's coordinates arrive at the moving vertices as `points`; and a map goes there and
-    back."""
+    """The control's coordinates arrive at the moving vertices as `points`; and a map goes there and back."""
     control, maps = fsaverage5("left"), np.load(demo / "registration.npz")
     np.save(tmp_path / "height.npy", control.vertices[:, 2])
     run(*to_transfer(tmp_path, demo / "registration.npz", "height.npy", "moving", "there.npy", "--wall", "cut"))
@@ -437,8 +435,7 @@ def test_names_of_labels_stay(folder, result):
 
 
 def test_a_closed_hemisphere_gets_in(tmp_path, capsys):
-    """The closed fsaverage5 and its thickness, from files, are the surface that the library opens
-    itself."""
+    """The closed fsaverage5 and its thickness, from files, are the surface that the library opens itself."""
     import nilearn.datasets
 
     paths = nilearn.datasets.fetch_surf_fsaverage("fsaverage5")
@@ -479,8 +476,7 @@ def test_landmarks_with_a_byte_order_mark_are_read(folder):
 
 
 def test_every_reason_and_exit_code_is_explained_in_the_help(capsys):
-    """Reasons: the words that messages of diagnose.py and units.py begin with; `walls:` is a
-    fallback."""
+    """Reasons: the words that messages of diagnose.py and units.py begin with; `walls:` is a fallback."""
     texts = [
         node.value
         for module in (diagnose, units)

@@ -45,8 +45,7 @@ def registered():
 
 
 def longest_direction(mu):
-    """Direction, length and width of the image of the unit circle under dz + mu conj(dz), by brute
-    force."""
+    """Direction, length and width of the image of the unit circle under dz + mu conj(dz), by brute force."""
     turn = np.exp(1j * np.linspace(0, np.pi, 100_001))
     image = turn + mu * turn.conj()
     k = abs(image).argmax()
@@ -197,8 +196,7 @@ def test_a_picture_is_to_scale_and_not_dark(height):
 
 
 def test_the_scene_of_a_registration_shows_curves_before_and_after(registered):
-    """Four tubes: targets on the control, and the moving curves; after the map they lie on the
-    targets."""
+    """Four tubes: targets on the control, and the moving curves; after the map they lie on the targets."""
     registration, _, control = registered
     for done, farthest in ((True, 0.05), (False, None)):
         plotter = registration_scene(registration, control, done)

@@ -1,5 +1,4 @@
-"""Pages on finished registrations: what they say is the report's and the map's, and what is not
-whole is refused."""
+"""Pages on finished registrations: what they say is the report's and the map's, and what is not whole is refused."""
 
 import json
 import re

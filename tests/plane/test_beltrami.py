@@ -1,5 +1,4 @@
-"""The Beltrami core against closed forms, against LaPy and libigl, and against itself by a second
-route."""
+"""The Beltrami core against closed forms, against LaPy and libigl, and against itself by a second route."""
 
 import igl
 import lapy
@@ -223,8 +222,7 @@ def test_diffused_gradient_of_u_is_the_turned_gradient_of_v():
 
 
 def test_stiffness_equals_the_cotangent_matrix_of_the_metric():
-    """K(mu) is the Laplacian of triangles with edges `e + mu conj(e)`: each laid out alone, then
-    glued."""
+    """K(mu) is the Laplacian of triangles with edges `e + mu conj(e)`: each laid out alone, then glued."""
     z, faces = DISK
     mu = random_mu(np.random.default_rng(0), z, faces, 0.8)
     corners = z[faces] + mu[:, None] * np.conj(z[faces])
@@ -242,8 +240,7 @@ def test_cotangent_stiffness_equals_libigl():
 
 
 def test_stiffness_of_a_composition_and_of_an_inverse_on_the_image_mesh():
-    """The energy of w(f(z)) may be taken in z or in f(z): the same matrix, coefficient by the
-    composition formula."""
+    """The energy of w(f(z)) may be taken in z or in f(z): the same matrix, coefficient by the composition formula."""
     z, faces = DISK
     f = SLIDING(z)
     f_z, mu_f = wirtinger(z, faces, f)[0], beltrami_coefficient(z, faces, f)

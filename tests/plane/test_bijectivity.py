@@ -140,8 +140,7 @@ STAR = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
 
 
 def stars(count, seed, scales=(-160.0, -9.0, 0.0, 9.0, 150.0)):
-    """Quadrangles with a vertex on one of their sides, to within a few units in the last place:
-    complex (count, 5)."""
+    """Quadrangles with a vertex on one of their sides, to within a few units in the last place: complex (count, 5)."""
     rng = np.random.default_rng(seed)
     rim = np.array([0, 1.3, 1.2 + 1.1j, -0.1 + 1j]) + 0.1 * (
         rng.normal(size=(count, 4)) + 1j * rng.normal(size=(count, 4))
@@ -193,8 +192,7 @@ def test_a_triangle_turns_over_when_two_corners_are_exchanged(corners):
 
 
 def test_a_whole_mesh_in_doubt_costs_little_a_vertex():
-    """Every triangle on one line, the worst that can be asked: three lines of Python a vertex, none
-    a triangle."""
+    """Every triangle on one line, the worst that can be asked: three lines of Python a vertex, none a triangle."""
     z, faces = polar_disk(40, 60)
     disk = Disk((1 + 0.5j) * z.real, faces)
     assert lines_run(lambda: disk.flipped) < 4 * len(z)
@@ -205,8 +203,7 @@ def test_a_whole_mesh_in_doubt_costs_little_a_vertex():
     "scale, shift, height", [(1, 0, 1e-13), (1e-8, 0, 1e-13), (1e8, 0, 1e-13), (1e-6, 0.7 - 0.2j, 1e-8)]
 )
 def test_thin_triangles_beyond_doubt_are_not_flipped(scale, shift, height):
-    """Wherever a triangle lies, as long as its coordinates resolve its height (in parts of its
-    length)."""
+    """Wherever a triangle lies, as long as its coordinates resolve its height (in parts of its length)."""
     f = shift + scale * np.exp(0.4j) * np.array([0, 1, 0.4 + 1j * height, 0.4 - 1j * height])
     assert Disk(f, np.array([[0, 1, 2], [0, 1, 3]])).maybe_flipped.tolist() == [1]
 
@@ -226,8 +223,7 @@ def test_mean_value_rows_are_averages():
 
 
 def test_mean_value_rows_reproduce_linear_functions():
-    """Floater's property at every interior vertex, in the plane of the mesh and in the metric of a
-    constant mu."""
+    """Floater's property at every interior vertex, in the plane of the mesh and in the metric of a constant mu."""
     z, faces = DISK
     inner = np.setdiff1d(np.arange(len(z)), boundary_loop(faces))
     for picture in (z, z + (0.5 - 0.3j) * z.conj()):
@@ -254,8 +250,7 @@ def test_edge_lengths_lie_opposite_their_corners():
 
 
 def folding_problem(seed):
-    """A coefficient that jumps from face to face and folds the disk map: (z, faces, mu, f, metric
-    edge lengths)."""
+    """A coefficient that jumps from face to face and folds the disk map: (z, faces, mu, f, metric edge lengths)."""
     z, faces = DISK
     rng = np.random.default_rng(seed)
     mu = 0.93 * np.sqrt(rng.uniform(size=len(faces))) * np.exp(2j * np.pi * rng.uniform(size=len(faces)))
@@ -311,8 +306,7 @@ def test_nothing_to_repair():
 
 @pytest.mark.parametrize("chord", [False, True])
 def test_repair_ends_where_it_cannot_help(chord):
-    """A folded boundary survives every row; with a chord across the mesh the rows beyond it are out
-    of reach."""
+    """A folded boundary survives every row; with a chord across the mesh the rows beyond it are out of reach."""
     z, faces = polar_disk(3, 9)
     first, second = boundary_loop(faces)[:2]
     if chord:

@@ -1,5 +1,4 @@
-"""Fourier compression of Beltrami coefficients: two routes, exact cases, the way to a square and
-back."""
+"""Fourier compression of Beltrami coefficients: two routes, exact cases, the way to a square and back."""
 
 import numpy as np
 import pytest

@@ -61,8 +61,7 @@ def test_best_map_is_stationary_and_beats_its_neighbours():
 
 @pytest.mark.parametrize("spread", [1.0, 0.3, 1e-2])
 def test_centring_brings_the_weighted_centroid_to_zero(spread):
-    """Also for points crowded together near the circle, as the poles of a badly placed conformal
-    map are."""
+    """Also for points crowded together near the circle, as the poles of a badly placed conformal map are."""
     points = mobius_inverse(spread * POINTS, 0.9 * np.exp(2j), 0)
     weights = np.linspace(1, 3, len(points))
     a = centring_mobius(points, weights)

@@ -1,5 +1,4 @@
-"""The free-boundary disk solver: accuracy on exact maps, its normalisation, its adjoint, its
-symmetries."""
+"""The free-boundary disk solver: accuracy on exact maps, its normalisation, its adjoint, its symmetries."""
 
 import numpy as np
 import pytest
@@ -59,15 +58,13 @@ def test_error_and_rate_against_closed_forms(exact):
 
 @pytest.mark.parametrize("exact", [TWIST, SLIDING], ids=lambda exact: exact.name)
 def test_rate_on_meshes_without_structure(exact):
-    """The boundary density must know the lengths of the edges: halving the fluxes instead is of
-    first order."""
+    """The boundary density must know the lengths of the edges: halving the fluxes instead is of first order."""
     coarse, fine = errors(solve_beltrami_disk, exact, *(random_disk(seed=6, n_boundary=n) for n in (32, 256)))
     assert fine < 6e-4 and np.log2(coarse / fine) / 3 > 1.6, (coarse, fine)
 
 
 def square_with_ears(n):
-    """A square grid split the other way: a triangle with three boundary vertices at each corner,
-    without any flux."""
+    """A square grid split the other way: a triangle with three boundary vertices at each corner, without any flux."""
     z, _ = square_disk(n)
     row, column = np.divmod(np.arange(n * n), n)
     a = row * (n + 1) + column
@@ -92,8 +89,7 @@ def test_ears_do_not_cost_the_rate(exact):
 
 
 def test_rate_with_a_coefficient_seen_through_a_mobius_map():
-    """g = N after f after M, with N back to g(0) = 0, g(1) = 1: another pole for the same
-    coefficient."""
+    """g = N after f after M, with N back to g(0) = 0, g(1) = 1: another pole for the same coefficient."""
     exact = normalised(after(SLIDING_THREE, moebius(0.3 + 0.2j, 0.8)))
     coarse, fine = errors(solve_beltrami_disk, exact, polar_disk(16, 48), polar_disk(32, 96))
     assert fine < 3.5e-3 and np.log2(coarse / fine) >= 1.7, (coarse, fine)
@@ -200,8 +196,7 @@ def test_fluxes_sum_to_a_turn_and_the_boundary_only_goes_forwards(mesh):
 
 
 def backward_problem():
-    """A coefficient that jumps from face to face, on a mesh with obtuse angles: some fluxes turn
-    negative."""
+    """A coefficient that jumps from face to face, on a mesh with obtuse angles: some fluxes turn negative."""
     z, faces = MESHES["random"]
     rng = np.random.default_rng(5)
     return (z, faces, 0.9 * np.sqrt(rng.uniform(size=len(faces))) * np.exp(2j * np.pi * rng.uniform(size=len(faces))))
@@ -220,8 +215,7 @@ def test_backward_steps_are_raised_and_reported():
 
 
 def test_boundary_goes_forwards_even_where_0_leaves_the_disk():
-    """A hopeless coefficient: the value at 0 lies outside the circle and no Möbius map of the disk
-    brings it to 0."""
+    """A hopeless coefficient: the value at 0 lies outside the circle and no Möbius map of the disk brings it to 0."""
     z, faces = random_disk(seed=3, n_boundary=16)
     rng = np.random.default_rng(137)
     solver = BeltramiDiskSolver(z, faces)
@@ -320,8 +314,7 @@ def test_angle_distortion_is_accurate_on_slivers():
 
 
 def test_adjoints_are_those_of_the_pullback_and_of_i_times_its_gradients():
-    """The two ways to the gradient: three potentials with their sparse matrices, and face by face
-    at once."""
+    """The two ways to the gradient: three potentials with their sparse matrices, and face by face at once."""
     z, faces = random_disk(2)
     rng = np.random.default_rng(0)
     solver = BeltramiDiskSolver(z, faces)

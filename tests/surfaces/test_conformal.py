@@ -106,8 +106,7 @@ def test_smallest_disks():
 
 @pytest.mark.parametrize("length", [10, 15, 40])
 def test_long_strip(length):
-    """Its ends cover exp(-pi length / 2) of the circle: less than rounding resolves, from a length
-    of 15 on."""
+    """Its ends cover exp(-pi length / 2) of the circle: less than rounding resolves, from a length of 15 on."""
     w, faces = strip(4 * length, 4)
     surface = Surface(np.stack([length * w.real, w.imag, 0.1 * np.sin(5 * length * w.real)], 1), faces)
     z = mapped(surface)
@@ -119,8 +118,7 @@ def test_long_strip(length):
 
 
 def largest_disk(vertices, faces):
-    """The largest piece without bow-ties of what is left of a disk after faces at its rim were
-    taken away."""
+    """The largest piece without bow-ties of what is left of a disk after faces at its rim were taken away."""
     n = len(vertices)
     while True:
         tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
@@ -185,8 +183,7 @@ def decimated(surface, rng, kept):
 
 
 def peninsula(surface, rng, steps):
-    """A corridor cut out on both sides along a path into the surface, left attached at its inner
-    end only."""
+    """A corridor cut out on both sides along a path into the surface, left attached at its inner end only."""
     graph = sparse.coo_array((np.ones(len(surface.edges)), surface.edges.T), shape=(len(surface.vertices),) * 2)
     depth = sparse.csgraph.dijkstra(graph, directed=False, indices=surface.boundary, unweighted=True, min_only=True)
     start = surface.boundary[int(rng.integers(len(surface.boundary)))]

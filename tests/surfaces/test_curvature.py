@@ -118,8 +118,7 @@ def test_depth_of_a_flat_surface_is_refused():
 
 @pytest.fixture(scope="module")
 def crowded():
-    """A flat disk w and a disk map z = w |w| that crowds its area to the centre: the equal-area
-    radius is sqrt(|z|)."""
+    """A flat disk w and a disk map z = w |w| that crowds its area to the centre: the equal-area radius is sqrt(|z|)."""
     w, faces = polar_disk(48, 128)
     return Surface(np.stack([w.real, w.imag, 0 * w.real], 1), faces), w, w * abs(w)
 

@@ -139,8 +139,7 @@ def test_the_largest_piece_is_kept():
 
 
 def test_a_vertex_on_the_rim_of_two_fans_keeps_the_larger():
-    """Two gaps that meet in the tip of a cone of 32 faces leave 10 of them on one side and 18 on
-    the other."""
+    """Two gaps that meet in the tip of a cone of 32 faces leave 10 of them on one side and 18 on the other."""
     surface = closed_grid()
     loop, tip = Surface(*grid(8, 8)).boundary, len(surface.vertices) - 1
     mask = np.zeros(tip + 1, dtype=bool)
@@ -151,8 +150,7 @@ def test_a_vertex_on_the_rim_of_two_fans_keeps_the_larger():
 
 
 def test_teeth_that_hang_by_one_edge_are_cut_off():
-    """A peninsula joined by one edge goes as a whole; a broad one stays, and no inner edge joins
-    rim vertices."""
+    """A peninsula joined by one edge goes as a whole; a broad one stays, and no inner edge joins rim vertices."""
     surface = closed_grid(12)
     wall = block(*[(i, j) for i in range(6) for j in range(13)], n=12)
     broad = [(i, j) for i in (3, 4, 5) for j in range(4, 8)]

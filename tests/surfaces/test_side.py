@@ -1,5 +1,4 @@
-"""`ParameterizedSurface`: a surface laid out on its disk, moved by Möbius maps, and what lies on
-it."""
+"""`ParameterizedSurface`: a surface laid out on its disk, moved by Möbius maps, and what lies on it."""
 
 import numpy as np
 import pytest

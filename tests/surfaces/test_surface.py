@@ -1,5 +1,4 @@
-"""The checked surface: what is stored, its measures and boundary, and one error for each way not to
-be a surface."""
+"""The checked surface: what is stored, its measures and boundary, and one error for each way not to be a surface."""
 
 import re
 
@@ -263,8 +262,7 @@ def test_require_disk():
 
 @pytest.mark.parametrize("corner", [0, 440, 17])
 def test_a_handle_is_refused_and_located(corner):
-    """A tube between two holes of a grid: the named edges lie on it or next to it, whichever vertex
-    is the first."""
+    """A tube between two holes of a grid: the named edges lie on it or next to it, whichever vertex is the first."""
     vertices, faces = grid(20, 20, hole=[(9, 9), (12, 9)])
     one, two = (np.array([i * 21 + 9, i * 21 + 10, (i + 1) * 21 + 10, (i + 1) * 21 + 9]) for i in (9, 12))
     two = two[[0, 3, 2, 1]]  # the tube joins the holes against each other
