@@ -103,7 +103,7 @@ def recorded(monkeypatch, folder):
     return call
 
 
-PAIR = "moving.npz", "control.npz"
+PAIR, MIRROR = ("moving.npz", "control.npz"), ["--mirror"]
 
 
 @pytest.mark.parametrize(
@@ -167,9 +167,7 @@ def test_the_demo_registers_real_cortex(demo):
 
 def test_the_demo_writes_four_files_that_know_both_surfaces(demo):
     """With a mirrored moving surface: numbers, sides and faces of the whole one are those of its file."""
-    assert everything(demo) == FILES and everything(demo.parent) == ["qclearn-demo"] + [
-        f"qclearn-demo/{f}" for f in FILES
-    ]
+    assert everything(demo) == FILES and len(everything(demo.parent)) == 1 + len(FILES)
     assert (demo / "figure.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
     arrays, moving = read_registration(demo / "registration.npz"), mirror(fsaverage5("right"))
     points, triangles = (array.data for array in nibabel.load(demo / "registered.surf.gii").darrays)
@@ -187,18 +185,6 @@ def test_the_demo_writes_four_files_that_know_both_surfaces(demo):
         frame = frame_of_side(arrays, side)
         assert (frame.side, frame.kind, frame.count) == (name, "Pial", 10242)
     assert arrays["mirrored"]
-
-
-def test_maps_are_carried_over_on_real_cortex(demo, tmp_path):
-    """The control's coordinates arrive at the moving vertices as `points`; and a map goes there and back."""
-    control, maps = fsaverage5("left"), np.load(demo / "registration.npz")
-    np.save(tmp_path / "height.npy", control.vertices[:, 2])
-    run(*to_transfer(tmp_path, demo / "registration.npz", "height.npy", "moving", "there.npy", "--wall", "cut"))
-    np.testing.assert_allclose(np.load(tmp_path / "there.npy"), maps["points"][:, 2], atol=1e-9)
-    run(*to_transfer(tmp_path, demo / "registration.npz", "there.npy", "control", "back.npy"))
-    whole = np.load(tmp_path / "back.npy")
-    off = abs(whole[control.original_vertices] - control.vertices[:, 2])
-    assert len(whole) == 10242 and np.median(off) < 0.3 and off.max() < 15  # mm; edges are 4 mm long
 
 
 def test_register_is_the_library_and_mirror_mirrors(folder, capsys):
@@ -235,28 +221,18 @@ def test_a_suspect_registration_is_written_and_says_so(folder, capsys, quick, op
     assert re.search(r"^suspect +reversed; curve$", output.out, re.MULTILINE)
 
 
-@pytest.mark.parametrize(
-    "names, options, wrong",
-    [
-        (("rh.a.npz", "lh.b.npz"), ["--mirror"], None),
-        (("lh.a.npz", "lh.b.npz"), [], None),
-        (("a.npz", "lh.b.npz"), ["--mirror"], None),
-        (("rh.a.npz", "lh.b.npz"), [], "give --mirror, or name the files"),
-        (("lh.a.npz", "lh.b.npz"), ["--mirror"], "leave --mirror out, or name the files"),
-    ],
-)
-def test_hemispheres_that_the_files_name_outrank_the_folds(folder, quick, names, options, wrong):
-    for side, name in zip(PAIR, names):
-        (folder / side).rename(folder / name)
+@pytest.mark.parametrize("moving, options, reason", [
+    *((name, option, "by the folds$") for name, option in (("rh.a.npz", MIRROR), ("lh.a.npz", []), ("a.npz", MIRROR))),
+    ("rh.a.npz", [], "{} is a .*give --mirror, or name the files"),
+    ("lh.a.npz", MIRROR, "{} is a .*leave --mirror out, or name the files"),
+])  # fmt: skip
+def test_hemispheres_that_the_files_name_outrank_the_folds(folder, quick, moving, options, reason):
+    moving, control = ((folder / old).rename(folder / new) for old, new in zip(PAIR, (moving, "lh.b.npz")))
     quick["suspect"] = ["mirror: by the folds", "features: differ"]
     with pytest.raises(SystemExit):
-        run("register", *(folder / name for name in names), "--out", folder / "out", *options)
+        run("register", moving, control, "--out", folder / "out", *options)
     mirror, *others = json.loads((folder / "out" / "report.json").read_text())["suspect"]
-    assert others == ["features: differ"]
-    if wrong:
-        assert mirror.startswith(f"mirror: {folder / names[0]} is a ") and wrong in mirror
-    else:
-        assert mirror == "mirror: by the folds"
+    assert others == ["features: differ"] and re.match(f"mirror: {reason.format(moving)}", mirror)
 
 
 def test_figures_that_are_asked_first_are_printed(folder, capsys, quick):
@@ -288,14 +264,10 @@ def test_a_failure_at_the_end_leaves_nothing(folder, capsys, quick, monkeypatch)
 # One line on stderr
 
 
-@pytest.mark.parametrize(
-    "error, code, line",
-    [
-        (MemoryError("Unable to allocate 9 GiB"), 2, "Unable to allocate 9 GiB"),
-        (OSError(28, "No space left on device", "out"), 2, "[Errno 28] No space left on device: 'out'"),
-        (KeyboardInterrupt(), 130, "interrupted"),
-    ],
-)
+@pytest.mark.parametrize("error, code, line", [
+    (MemoryError("Unable to allocate 9 GiB"), 2, "Unable to allocate 9 GiB"), (KeyboardInterrupt(), 130, "interrupted"),
+    (OSError(28, "No space left on device", "out"), 2, "[Errno 28] No space left on device: 'out'"),
+])  # fmt: skip
 def test_what_breaks_off_a_run_is_one_line(folder, capsys, monkeypatch, error, code, line):
     def broken(*_, **__):
         raise error
@@ -344,26 +316,19 @@ TRANSFER = "transfer registration.npz map.txt --to moving --out there.npy "
         ("demonstrate", "No such command 'demonstrate'"),
         ("register a.npz b.npz", "Missing option '--out'"),
         (REGISTER + "--gamma many", "'many' is not a valid float"),
-        (REGISTER + "--tolerance 1e-3", "tolerance belongs to method 'network'"),
-        (REGISTER + "--method network --sliding", "sliding belongs to"),
         (REGISTER + "--landmarks landmarks.json --no-landmarks", "exclude each other"),
-        (REGISTER + "--no-landmarks --no-features", "landmarks hold no curves"),
         (REGISTER + "--feature depth depth --no-features", "--feature and --no-features exclude each other"),
         (REGISTER + "--delta 0.3 --no-features", "--delta and --no-features exclude each other"),
         (REGISTER + "--feature thick.npy thick.npy", "thick.npy: 5 values for 193 vertices"),
         (REGISTER + "--feature a.label.gii a.label.gii", "a.label.gii: holds labels, no measure; give"),
         (REGISTER + "--feature absent.npy thick.npy", "absent.npy"),
-        (REGISTER + "--feature depth depth --delta -1", "delta = -1.0: must be finite"),
-        (REGISTER + "--hold-out west", "no curve is called 'west'"),
         (REGISTER + "--landmarks broken.json", "broken.json: not a JSON file"),
         (REGISTER + "--landmarks none.json", "none.json: cannot be read .*check the name"),
-        (REGISTER + "--landmarks range.json", r"'east', control side: .*out of range 0..192: \[10000\]"),
         (REGISTER + "--landmarks long.json", "long.json: the name of curve 0 is longer than 200 .{1,100}rename"),
         ("register moving.npz plain.ply --no-features --out x", "share no curve names .*--landmarks"),
         ("register a.npz control.npz --out x", "a.npz: cannot be read"),
         ("register cut.npz control.npz --out x", "cut.npz: not a readable npz"),
         ("register nan.npz control.npz --out x", "nan.npz: .*7"),
-        ("register inward.npz control.npz --out x", "reverse|mirror|::-1"),
         ("register landmarks.json control.npz --out x", "suffix"),
         ("register moving.npz control.npz --out plain.ply", "plain.ply: not a folder that can be written to .*another"),
         ("register moving.npz control.npz --out plain.ply/far/x", "plain.ply/far/x: not a folder that"),
@@ -388,12 +353,10 @@ def test_bad_input_is_one_line_and_writes_nothing(folder, capsys, monkeypatch, r
     np.save(folder / "thick.npy", np.arange(5.0))
     write_values(folder / "a.label.gii", np.arange(193) % 3)
     (folder / "broken.json").write_text("{")
-    for name, change in (("range", {"control": [0, 10_000]}), ("long", {"name": "A" * 10**6})):
-        (folder / f"{name}.json").write_text(json.dumps({"curves": [CURVES["curves"][0] | change]}))
+    (folder / "long.json").write_text(json.dumps({"curves": [CURVES["curves"][0] | {"name": "A" * 10**6}]}))
     (folder / "cut.npz").write_bytes((folder / "moving.npz").read_bytes()[:200])
     with_nan = np.where(np.arange(193)[:, None] == 7, np.nan, good.vertices)
     np.savez(folder / "nan.npz", vertices=with_nan, faces=good.faces)
-    np.savez(folder / "inward.npz", vertices=good.vertices, faces=good.faces[:, ::-1])
     write_surface(folder / "rh.ball.ply", BALL)
     write_surface(folder / "inside-out.ply", Surface(BALL.vertices, BALL.faces[:, ::-1]))
     np.save(folder / "mask.npy", BALL.vertices[:, 2] < -0.5)
@@ -422,16 +385,6 @@ def test_transfer_writes_every_format(folder, result, name):
     np.testing.assert_allclose(read_values(folder / name), result.points[:, 2], atol=1e-6)
     run(*to_transfer(folder, "registration.npz", name, "control", "back.npy"))
     assert abs(np.load(folder / "back.npy") - bowl(0.9).vertices[:, 2]).max() < 0.05
-
-
-def test_names_of_labels_stay(folder, result):
-    write_disks(folder, result)
-    table = np.array([[k * 40, 20, 30, 0, 0] for k in range(5)])
-    nibabel.freesurfer.write_annot(folder / "lh.a.annot", np.arange(193) % 5, table, list("abcde"), fill_ctab=True)
-    run(*to_transfer(folder, "registration.npz", "lh.a.annot", "moving", "R.there.label.gii", "--nearest"))
-    image = nibabel.load(folder / "R.there.label.gii")
-    assert list(image.labeltable.get_labels_as_dict().values())[-5:] == list("abcde")
-    assert image.meta["AnatomicalStructurePrimary"] == "CortexRight"
 
 
 def test_a_closed_hemisphere_gets_in(tmp_path, capsys):

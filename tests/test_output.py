@@ -10,6 +10,7 @@ from pathlib import Path
 import click
 import pytest
 
+from commands import everything
 from qclearn import cli
 from qclearn.cli.output import expanded, file_to_write, output_folder
 
@@ -35,10 +36,6 @@ def write(place, *names, **options):
             (folder / name).write_text("old")
 
 
-def names(folder):
-    return sorted(path.name for path in folder.iterdir())
-
-
 @pytest.mark.skipif(os.name != "posix", reason="no SIGTERM")
 def test_a_run_that_is_ended_leaves_nothing(tmp_path):
     ended = subprocess.run([sys.executable, "-c", ENDED, "wait"], cwd=tmp_path, check=False)
@@ -48,7 +45,7 @@ def test_a_run_that_is_ended_leaves_nothing(tmp_path):
 def test_a_folder_that_is_there_keeps_what_is_not_of_the_run(tmp_path):
     write(tmp_path / "out", "report.json", "report.html", "notes.txt")
     write(tmp_path / "out", "report.json", instead=["report.html"])
-    assert names(tmp_path / "out") == ["notes.txt", "report.json"]
+    assert everything(tmp_path / "out") == ["notes.txt", "report.json"]
 
 
 def test_a_new_folder_has_the_permissions_of_any_other(tmp_path):

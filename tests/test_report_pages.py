@@ -130,20 +130,14 @@ def test_what_files_are_called_is_no_markup_and_utf8(runs, tmp_path):
 REASONS = ["mirror: <b>the curves</b> fit better; give --mirror", "curve: 'east' ends far off"]
 
 
-@pytest.mark.parametrize(
-    "changes, words",
-    [
-        ({"suspect": []}, ["<h2>Nothing suspicious was found</h2>", "Curves that took no part ended"]),
-        (
-            {"suspect": REASONS},
-            ["<h2>Suspect: look before you use it</h2>", "mirror: &lt;b&gt;the curves&lt;/b&gt; fit better; give"],
-        ),
-        (
-            {"suspect": REASONS, "stopped": "the landmarks are wrong"},
-            ["<h2>Stopped before the fit</h2>", "<p>the landmarks are wrong</p>", "ends far off"],
-        ),
-    ],
-)
+STOPPED = {"suspect": REASONS, "stopped": "the landmarks are wrong"}
+
+
+@pytest.mark.parametrize("changes, words", [
+    ({"suspect": []}, ["<h2>Nothing suspicious was found</h2>", "Curves that took no part ended"]),
+    ({"suspect": REASONS}, ["<h2>Suspect: look before you use it<", "&lt;b&gt;the curves&lt;/b&gt; fit better; give"]),
+    (STOPPED, ["<h2>Stopped before the fit</h2>", "<p>the landmarks are wrong</p>", "ends far off"]),
+])  # fmt: skip
 def test_the_verdict_gives_all_reasons_in_full(runs, tmp_path, changes, words):
     page = page_of(copied(runs, "two", tmp_path, **changes))
     assert all(word in page for word in words) and page.count("<li>") == len(changes["suspect"])
@@ -152,34 +146,20 @@ def test_the_verdict_gives_all_reasons_in_full(runs, tmp_path, changes, words):
 # What is refused
 
 
-def spoilt(runs, tmp_path, how):
-    """A folder that is none of one whole run."""
-    if how in ("{", "[1]", "{}"):
-        folder = copied(runs, "one", tmp_path)
-        (folder / "report.json").write_text(how)
-    elif how == "empty":
-        folder = tmp_path / "empty"
-        folder.mkdir()
-    elif how == "older":
-        folder = copied(runs, "one", tmp_path, without={"vertices_moving", "about_moving", "mirrored"})
-    else:
-        folder = copied(runs, "one", tmp_path, **json.loads((runs / how / "report.json").read_text()))
-    return folder
+OLDER = {"vertices_moving", "about_moving", "mirrored"}
 
 
-@pytest.mark.parametrize(
-    "how, message",
-    [
-        ("{", "report.json: not JSON"),
-        ("[1]", "report.json: not a report of"),
-        ("{}", "see 'inputs'"),
-        ("empty", "has no registration.npz and no report.json; give a folder that `qclearn register` wrote"),
-        ("older", r"version 0.1 .it lacks about_moving, mirrored.; run"),
-        ("two", "report.json is of another run than registration.npz"),
-    ],
-)
-def test_a_folder_that_is_not_one_whole_run_is_one_line(runs, tmp_path, capsys, how, message):
-    folder = spoilt(runs, tmp_path, how)
+@pytest.mark.parametrize("report, without, message", [
+    ("{", (), "report.json: not JSON"), ("[1]", (), "report.json: not a report of"), ("{}", (), "see 'inputs'"),
+    (None, (), "has no registration.npz and no report.json; give a folder that `qclearn register` wrote"),
+    ("one", OLDER, r"version 0.1 .it lacks about_moving, mirrored.; run"),
+    ("two", (), "report.json is of another run than registration.npz"),
+])  # fmt: skip
+def test_a_folder_that_is_not_one_whole_run_is_one_line(runs, tmp_path, capsys, report, without, message):
+    folder = copied(runs, "one", tmp_path, without) if report else tmp_path
+    if report:
+        other = runs / report / "report.json"
+        (folder / "report.json").write_text(other.read_text() if other.exists() else report)
     assert re.search(message, refused(capsys, tmp_path, "report", folder, "--out", tmp_path / "a.html"))
 
 

@@ -98,7 +98,7 @@ def test_whole_values_go_in_and_come_out(made, registered, cut, tmp_path, wall):
     np.testing.assert_array_equal(np.load(tmp_path / "again.npy"), there)
 
 
-@pytest.mark.parametrize("name", ["there.label.gii", "lh.there.annot"])
+@pytest.mark.parametrize("name", ["lh.rh_on_lh.label.gii", "lh.there.annot"])
 def test_whole_labels_go_in_and_come_out(made, registered, tmp_path, name):
     words = made / "rh.aparc.annot", "--to", "control", "--nearest", "--out", tmp_path / name
     run("transfer", registered / "registration.npz", *words)
@@ -109,12 +109,6 @@ def test_whole_labels_go_in_and_come_out(made, registered, tmp_path, name):
     np.testing.assert_allclose(found.labels[2][1], np.array([20, 220, 60, 255]) / 255, atol=1e-6)
     if name.endswith("annot"):
         assert [word.decode() for word in nibabel.freesurfer.read_annot(tmp_path / name)[2]] == NAMES
-
-
-def test_two_sides_in_a_name_do_not_hide_the_registrations(made, registered, tmp_path):
-    words = made / "rh.sulc", "--to", "control", "--out", tmp_path / "lh.rh_on_lh.func.gii"
-    run("transfer", registered / "registration.npz", *words)
-    assert read_map(tmp_path / "lh.rh_on_lh.func.gii").side == "left"
 
 
 def test_the_registered_surface_lies_in_the_scanner(made, registered):
@@ -236,14 +230,6 @@ def test_only_the_cortex_is_checked_where_a_label_names_it(made, tmp_path):
     np.testing.assert_array_equal(ours.cut_surface.faces, theirs.cut_surface.faces)
     np.testing.assert_array_equal(ours.cut_surface.original_vertices, theirs.cut_surface.original_vertices)
     assert ours.numbering.count == 642 and ours.is_whole
-
-
-def test_fsaverage5_goes_by_its_name():
-    left = read_hemisphere("fsaverage5:left")
-    assert left.is_whole and left.numbering.known and left.frame.side == "left" and left.frame.kind == "Pial"
-    np.testing.assert_array_equal(left.cut_surface.vertices, qc.fsaverage5("left").vertices)
-    np.testing.assert_array_equal(left.frame.whole, left.given.faces)
-    assert left.numbering.count == len(left.given.vertices) == 10242
 
 
 def test_vertices_on_the_rim_of_a_label_may_go(made, tmp_path):

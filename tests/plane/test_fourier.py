@@ -47,11 +47,6 @@ def test_matrix_products_are_the_truncated_transform(image):
     assert fourier_coefficients(image, 3)[row, column] == pytest.approx(term)
 
 
-def test_channels_are_compressed_separately(image):
-    np.testing.assert_allclose(compress(image.real, 4).imag, 0, atol=1e-14)
-    np.testing.assert_allclose(compress(image, 4).imag, compress(image.imag, 4).real, atol=1e-14)
-
-
 def test_band_limited_field_is_kept():
     n, (p, q) = 32, np.meshgrid(np.arange(32), np.arange(32), indexing="ij")
     field = 0.1 + 0.3 * np.cos(2 * np.pi * (3 * p + q) / n) + 0.2j * np.sin(2 * np.pi * 2 * q / n)

@@ -41,12 +41,6 @@ def test_square_disk_has_its_diagonals_run_into_the_corners():
         assert z[n // 2 * (n + 1) + n] == 1 and z[(n * n + 2 * n) // 2] == 0
 
 
-def test_square_disk_needs_an_even_number():
-    for n in (3, 0, -2):
-        with pytest.raises(ValueError, match="even"):
-            square_disk(n)
-
-
 def test_polar_disk_is_numbered_ring_by_ring():
     nr, nt, power = 5, 12, 1.4
     z, faces = polar_disk(nr, nt, power)
@@ -63,12 +57,6 @@ def test_polar_disk_is_invariant_under_one_step():
     turned = np.concatenate([[0], 1 + (np.arange(nr)[:, None] * nt + (np.arange(nt) + 1) % nt).ravel()])
     np.testing.assert_allclose(z[turned], z * np.exp(2j * np.pi / nt), atol=1e-15)
     assert {frozenset(f) for f in turned[faces].tolist()} == {frozenset(f) for f in faces.tolist()}
-
-
-@pytest.mark.parametrize("nr, nt", [(0, 8), (3, 2)])
-def test_polar_disk_needs_rings_and_angles(nr, nt):
-    with pytest.raises(ValueError, match="at least 1 ring and 3 angles"):
-        polar_disk(nr, nt)
 
 
 def test_square_and_disk_are_inverse_and_keep_directions():
@@ -95,3 +83,12 @@ def test_joined_points_are_counter_clockwise():
     mesh = joined(z)
     assert (mesh.z == z).all() and (mesh.areas > 0).all()
     assert {frozenset(face) for face in mesh.faces.tolist()} == {frozenset(face) for face in faces.tolist()}
+
+
+@pytest.mark.parametrize("make, sizes, message", [
+    *((square_disk, [n], "even") for n in (3, 0, -2)),
+    *((polar_disk, sizes, "at least 1 ring and 3 angles") for sizes in ((0, 8), (3, 2))),
+])  # fmt: skip
+def test_sizes_of_no_disk_are_refused(make, sizes, message):
+    with pytest.raises(ValueError, match=message):
+        make(*sizes)

@@ -9,7 +9,6 @@ from scipy import sparse
 
 from meshes import boundary_loop, random_disk, strip
 from qclearn.io.fsaverage import fsaverage5
-from qclearn.plane.beltrami import beltrami_coefficient
 from qclearn.plane.bijectivity import RepairWarning, check_embedding
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk
@@ -67,16 +66,6 @@ def test_spherical_cap_is_mapped_by_stereographic_projection():
     assert errors[1] < 2e-3 and np.log2(errors[0] / errors[1]) > 1.7
 
 
-def test_map_is_conformal_the_finer_the_better():
-    """Mean |mu| of the inverse, from the disk back to the surface: first order."""
-    size = []
-    for n in (12, 24):
-        z, faces = polar_disk(n, 3 * n)
-        surface = Surface(curved(z), faces)
-        size.append(abs(beltrami_coefficient(mapped(surface), faces, surface.vertices)).mean())
-    assert size[1] < 0.02 and size[1] < 0.6 * size[0]
-
-
 def test_surface_turned_scaled_and_mirrored():
     z, faces = random_disk(seed=8)
     surface = Surface(curved(z), faces)
@@ -98,10 +87,9 @@ def test_result_is_discrete_harmonic_where_nothing_was_repaired():
 
 
 def test_smallest_disks():
-    z, faces = polar_disk(1, 3)
-    mapped(Surface(curved(z), faces))
-    z, faces = polar_disk(1, 5)
-    mapped(Surface(curved(z, 3.0), faces))
+    for n, height in ((3, 0.4), (5, 3.0)):
+        z, faces = polar_disk(1, n)
+        mapped(Surface(curved(z, height), faces))
 
 
 @pytest.mark.parametrize("length", [10, 15, 40])
@@ -187,11 +175,8 @@ def peninsula(surface, rng, steps):
     graph = sparse.coo_array((np.ones(len(surface.edges)), surface.edges.T), shape=(len(surface.vertices),) * 2)
     depth = sparse.csgraph.dijkstra(graph, directed=False, indices=surface.boundary, unweighted=True, min_only=True)
     start = surface.boundary[int(rng.integers(len(surface.boundary)))]
-    away = sparse.csgraph.dijkstra(graph, directed=False, indices=start, unweighted=True)
+    away, previous = sparse.csgraph.dijkstra(graph, False, start, return_predecessors=True, unweighted=True)
     inside = np.flatnonzero(depth >= steps)
-    previous = sparse.csgraph.dijkstra(graph, directed=False, indices=start, unweighted=True, return_predecessors=True)[
-        1
-    ]
     path = [inside[away[inside].argmin()]]
     while path[-1] != start:
         path.append(previous[path[-1]])

@@ -21,6 +21,8 @@ from qclearn.surfaces.curvature import (
 )
 from qclearn.surfaces.surface import Surface, SurfaceError
 
+PLAIN = AreaRadius(np.array([0.0, 1.0]), np.array([0.0, 1.0]))  # the disk as it is
+
 
 def test_sphere_is_exact():
     ball = icosphere(3)
@@ -70,9 +72,12 @@ def test_curvature_survives_the_rim_and_slivers():
     assert curvature.min() > -1e-3 and curvature.max() < 4 and np.median(curvature) == pytest.approx(1, abs=0.05)
 
 
-def test_curvature_without_inner_vertex_is_refused():
-    with pytest.raises(SurfaceError, match="boundary"):
-        mean_curvature(Surface(np.eye(3), [[0, 1, 2]]))
+@pytest.mark.parametrize("measure, surface, message", [
+    (mean_curvature, Surface(np.eye(3), [[0, 1, 2]]), "boundary"), (sulcal_depth, sheet(5)[0], "plane"),
+])  # fmt: skip
+def test_surfaces_without_an_inside_are_refused(measure, surface, message):
+    with pytest.raises(SurfaceError, match=message):
+        measure(surface)
 
 
 def arc(radius, start, end, count):
@@ -111,11 +116,6 @@ def test_a_chamber_behind_a_closed_mouth_is_deep():
     np.testing.assert_allclose(sulcal_depth(surface)[wall], 1 - chamber, atol=0.03)
 
 
-def test_depth_of_a_flat_surface_is_refused():
-    with pytest.raises(SurfaceError, match="plane"):
-        sulcal_depth(sheet(5)[0])
-
-
 @pytest.fixture(scope="module")
 def crowded():
     """A flat disk w and a disk map z = w |w| that crowds its area to the centre: the equal-area radius is sqrt(|z|)."""
@@ -149,8 +149,7 @@ def test_area_under_pixels(crowded):
     assert areas.sum() == pytest.approx(surface.area, rel=1e-12)
     inside = abs(pixel_centres(16)) < 1 - 2 / 16
     np.testing.assert_allclose(areas[inside], (2 / 16) ** 2, rtol=0.1)
-    plain = AreaRadius(np.array([0.0, 1.0]), np.array([0.0, 1.0]))
-    crowd = area_under_pixels(surface, z, plain, 16)
+    crowd = area_under_pixels(surface, z, PLAIN, 16)
     # density of area in z is 1/(2|z|): a pixel of side 1/8 carries less than 1/64 where |z| > 1/2,
     # half of the area
     assert resolved_share(areas, 1.2 / 64) > 0.99
@@ -159,8 +158,7 @@ def test_area_under_pixels(crowded):
 
 def test_pixels_count_where_they_lie(crowded):
     surface, w, _ = crowded
-    plain = AreaRadius(np.array([0.0, 1.0]), np.array([0.0, 1.0]))
-    areas = area_under_pixels(surface, 0.3 * w + 0.5j, plain, 32)  # a disk in the upper half, y from 0.2 to 0.8
+    areas = area_under_pixels(surface, 0.3 * w + 0.5j, PLAIN, 32)  # a disk in the upper half, y from 0.2 to 0.8
     row, column = np.nonzero(areas)
     assert (2 * row.min() / 32 - 1, 2 * (row.max() + 1) / 32 - 1) == pytest.approx((0.2, 0.8), abs=0.07)
     assert row.mean() > 20 and column.mean() == pytest.approx(15.5, abs=0.01)
@@ -175,9 +173,8 @@ def test_equal_area_radius_resolves_real_cortex(hemisphere, wall):
     radius = area_radius(surface, z)
     assert resolved_share(area_under_pixels(surface, z, radius, 128)) > 0.95
     assert resolved_share(area_under_pixels(surface, z, radius, 256)) > 0.99
-    plain = AreaRadius(np.array([0.0, 1.0]), np.array([0.0, 1.0]))
     if wall == "thickness":  # the narrower the cut, the more is crowded in the middle of the disk
-        assert resolved_share(area_under_pixels(surface, z, plain, 128)) < 0.6
+        assert resolved_share(area_under_pixels(surface, z, PLAIN, 128)) < 0.6
     curvature, depth = mean_curvature(surface), sulcal_depth(surface)
     assert np.corrcoef(curvature, depth)[0, 1] < -0.4 and 0.1 < (depth == 0).mean() < 0.5
 

@@ -19,14 +19,8 @@ AT = 500  # a vertex of the convexity
 
 def ring_around(surface, vertex):
     """The neighbours of an inner vertex in their order around it."""
-    faces = surface.faces[(surface.faces == vertex).any(1)]
-    corner = (faces == vertex).argmax(1)
-    rows = np.arange(len(faces))
-    following = dict(zip(faces[rows, (corner + 1) % 3].tolist(), faces[rows, (corner + 2) % 3].tolist()))
-    ring = [next(iter(following))]
-    while following[ring[-1]] != ring[0]:
-        ring.append(following[ring[-1]])
-    return np.array(ring)
+    used, corners = np.unique(surface.faces[(surface.faces == vertex).any(1)], return_inverse=True)
+    return used[qc.Surface(surface.vertices[used], corners.reshape(-1, 3)).boundary]
 
 
 def with_finger(surface, vertex, radii, radius=RADIUS):

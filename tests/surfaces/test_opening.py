@@ -102,9 +102,13 @@ def test_faults_of_what_stays_are_refused(mesh, message):
         open_surface((vertices, mesh[1]), mask)
 
 
-def test_a_cap_is_cut_off_and_indices_come_back():
-    cap = height(sphere()) > 0.8
-    opened, index = open_surface(sphere(), cap)
+@pytest.mark.parametrize("mask, cap", [
+    (lambda z: z > 0.8, lambda z: z > 0.8), (lambda z: (z > 0.8) | (z < -0.95), lambda z: z > 0.8),
+    (lambda z: np.abs(z - 0.5) < 0.1, lambda z: z > 0.4),
+])  # fmt: skip
+def test_the_largest_gap_is_the_opening_the_largest_piece_is_kept_and_indices_come_back(mask, cap):
+    mask, cap = mask(height(sphere())), cap(height(sphere()))
+    opened, index = open_surface(sphere(), mask)
     np.testing.assert_array_equal(index, np.flatnonzero(~cap))
     np.testing.assert_array_equal(opened.vertices, sphere().vertices[index])
     kept = ~cap[sphere().faces].any(axis=1)
@@ -121,21 +125,6 @@ def test_curves_follow_their_vertices_or_are_refused():
     crossing = Surface(sphere().vertices, sphere().faces, {"meridian": [*low, high]})
     with pytest.raises(SurfaceError, match=f"'meridian' would lose 1 of its 5 vertices, the first {high}.*shorten"):
         open_surface(crossing, cap)
-
-
-def test_the_largest_gap_is_the_opening_and_the_others_are_filled():
-    surface = sphere()
-    large, small = height(surface) > 0.8, height(surface) < -0.95
-    assert small.sum() > 1
-    _opened, index = open_surface(surface, large | small)
-    np.testing.assert_array_equal(index, np.flatnonzero(~large))
-
-
-def test_the_largest_piece_is_kept():
-    surface = sphere()
-    belt = np.abs(height(surface) - 0.5) < 0.1
-    _, index = open_surface(surface, belt)
-    np.testing.assert_array_equal(index, np.flatnonzero(height(surface) <= 0.4))
 
 
 def test_a_vertex_on_the_rim_of_two_fans_keeps_the_larger():

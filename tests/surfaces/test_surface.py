@@ -120,7 +120,11 @@ def two_fans():
     return {"vertices": vertices[used], "faces": corners.reshape(-1, 3)}
 
 
-PIECES = np.vstack([TETRAHEDRON, grid(2, 2)[0]]), np.vstack([OUTWARD, grid(2, 2)[1] + 4])
+PIECES = {"vertices": np.vstack([TETRAHEDRON, grid(2, 2)[0]]), "faces": np.vstack([OUTWARD, grid(2, 2)[1] + 4])}
+ONE_TURNED, FIVE = changed(OUTWARD[:3], 2, OUTWARD[2, ::-1]), np.vstack([TETRAHEDRON, [0, -1, -1]])
+TOUCHING = np.vstack([TETRAHEDRON, TETRAHEDRON[:3] + [0, 0, 2]])  # two tetrahedra that have vertex 3 in common
+TWINS = {"vertices": TOUCHING, "faces": [*OUTWARD, *np.array([4, 5, 6, 3])[OUTWARD[:, ::-1]]]}
+APART = "2 components: 9 vertices around vertex 4, 4 vertices around vertex 0"
 BEYOND = "3 vertices with coordinates beyond 1e+60: 0, 1, 2"
 REFUSED = [
     (["(4, 2)", "z = 0"], {"vertices": TETRAHEDRON[:, :2]}),
@@ -143,30 +147,11 @@ REFUSED = [
     (["duplicate faces: 1 pair", "[1, 4]", "one of each"], {"faces": np.vstack([OUTWARD, [1, 0, 3]])}),
     (["duplicate faces: 1 pair", "[1, 4]", "one of each"], {"faces": np.vstack([OUTWARD, [3, 1, 0]])}),
     (["duplicate faces", "[0, 1]"], {"vertices": TETRAHEDRON[:3], "faces": [[0, 1, 2], [0, 2, 1]]}),
-    (
-        ["inconsistent orientation: 2 pairs", "[0, 2], [1, 2]", "Reverse"],
-        {"faces": changed(OUTWARD[:3], 2, OUTWARD[2, ::-1])},
-    ),
-    (
-        ["not manifold: 1 edge", "[0, 1]", "Delete"],
-        {"vertices": np.vstack([TETRAHEDRON, [0, -1, -1]]), "faces": np.vstack([OUTWARD, [0, 1, 4]])},
-    ),
+    (["inconsistent orientation: 2 pairs", "[0, 2], [1, 2]", "Reverse"], {"faces": ONE_TURNED}),
+    (["not manifold: 1 edge", "[0, 1]", "Delete"], {"vertices": FIVE, "faces": np.vstack([OUTWARD, [0, 1, 4]])}),
     (["not manifold: 1 vertex", ": 3.", "Duplicate the vertex"], two_fans()),
-    (  # two tetrahedra that touch in vertex 3
-        ["not manifold: 1 vertex", ": 3."],
-        {
-            "vertices": np.vstack([TETRAHEDRON, TETRAHEDRON[:3] + [0, 0, 2]]),
-            "faces": [*OUTWARD, *np.array([4, 5, 6, 3])[OUTWARD[:, ::-1]]],
-        },
-    ),
-    (
-        [
-            "2 components: 9 vertices around vertex 4, 4 vertices around vertex 0",
-            "in a file of its own",
-            "qclearn open",
-        ],
-        dict(zip(("vertices", "faces"), PIECES)),
-    ),
+    (["not manifold: 1 vertex", ": 3."], TWINS),
+    ([APART, "in a file of its own", "qclearn open"], PIECES),
     (["curve 'ridge'", "4, -1;", "0 to 3"], {"curves": {"ridge": [0, 4, -1]}}),
     *((["curve 'ridge'", "vertex indices"], {"curves": {"ridge": path}}) for path in ([], [0.5], [[0, 1]])),
 ]
@@ -222,12 +207,6 @@ def test_points_doubled_along_a_seam_are_refused_and_merged(scale):
         np.testing.assert_array_equal(surface.faces, faces)
         np.testing.assert_array_equal(surface.original_vertices, np.arange(len(vertices)))
         assert surface.curves["across"].tolist() == seam[:2].tolist()
-
-
-def test_faces_with_three_vertices_each_become_one_surface():
-    vertices, faces = grid(4, 3)
-    soup = Mesh.of(vertices[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3))
-    assert repr(Surface(*soup.merged().used())) == f"Surface({len(vertices)} vertices, {len(faces)} faces)"
 
 
 def test_fans_that_touch_in_a_point_alone_are_no_seam():
