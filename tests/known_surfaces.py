@@ -106,6 +106,14 @@ def torus_mesh(n=12, m=9):
     return vertices, (i % n) * m + j % m
 
 
+def with_seam(vertices, faces, side):
+    """The mesh whose faces on one side (F,) bool have vertices of their own, the last."""
+    seam = np.intersect1d(faces[side], faces[~side])
+    new = np.arange(len(vertices))
+    new[seam] = len(vertices) + np.arange(len(seam))
+    return np.vstack([vertices, vertices[seam]]), np.where(side[:, None], new[faces], faces), seam
+
+
 @cache
 def sphere():
     """642 vertices, unit radius, outward."""

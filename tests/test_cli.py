@@ -294,17 +294,6 @@ def test_the_progress_bar_is_gone_before_the_message(folder, capsys, monkeypatch
     assert re.search(r"\rqclearn: no\n$", capsys.readouterr().err)
 
 
-def test_a_bug_is_not_called_bad_input(folder, monkeypatch):
-    """A KeyError of our own, in a reader, is a traceback for us and no advice to the user."""
-
-    def buggy(data):
-        return {}["vertices"]
-
-    monkeypatch.setattr("qclearn.io.safe.npz_arrays", lambda data, wanted: buggy(data))
-    with pytest.raises(KeyError):
-        run(*to_register(folder))
-
-
 REGISTER = "register moving.npz control.npz --out x "
 TRANSFER = "transfer registration.npz map.txt --to moving --out there.npy "
 

@@ -125,27 +125,17 @@ def test_registration_figure_without_curves_shows_the_control_beside(registered)
     assert "control" in first.get_title() and "moving" in second.get_title()
 
 
-def test_scene_holds_only_what_is_seen_in_float32():
+def test_scene_holds_only_what_is_seen_in_float32_with_tubes_above_the_surface():
     pyvista = pytest.importorskip("pyvista")
-    surface = bowl(0.5)
-    curve = np.array([0, 1, 25, 49])
-    plotter = surface_scene(surface, surface.vertices[:, 2], [(curve, "detected"), (surface.vertices[curve], "target")])
-    meshes = [actor.mapper.dataset for actor in plotter.actors.values() if isinstance(actor, pyvista.Actor)]
-    assert len(meshes) == 3
-    assert all(mesh.points.dtype == np.float32 for mesh in meshes)
-    np.testing.assert_array_equal(meshes[0].point_data["values"], surface.vertices[:, 2].astype(np.float32))
-    assert set(meshes[0].array_names) <= {"values", "Normals"}
-    np.testing.assert_allclose(meshes[1].center, meshes[2].center)
-    plotter.close()
-
-
-def test_tubes_lie_above_the_surface():
     flat, curve = bowl(0.0), np.array([0, 1, 25, 49])
-    plotter = surface_scene(flat, curves=[(curve, "detected"), (flat.vertices[curve], "target")])
-    _, *tubes = [actor.mapper.dataset for actor in plotter.actors.values() if hasattr(actor, "mapper")]
+    plotter = surface_scene(flat, flat.vertices[:, 0], [(curve, "detected"), (flat.vertices[curve], "target")])
+    surface, *tubes = [actor.mapper.dataset for actor in plotter.actors.values() if isinstance(actor, pyvista.Actor)]
+    assert len(tubes) == 2 and all(mesh.points.dtype == np.float32 for mesh in (surface, *tubes))
+    np.testing.assert_array_equal(surface.point_data["values"], flat.vertices[:, 0].astype(np.float32))
+    assert set(surface.array_names) <= {"values", "Normals"}
+    np.testing.assert_allclose(tubes[0].center, tubes[1].center)
     radius = 0.006 * np.linalg.norm(np.ptp(flat.vertices, axis=0))
-    for tube in tubes:
-        assert tube.bounds[4] < 0 < 1.4 * radius < tube.bounds[5] < 1.7 * radius
+    assert all(tube.bounds[4] < 0 < 1.4 * radius < tube.bounds[5] < 1.7 * radius for tube in tubes)
     plotter.close()
 
 

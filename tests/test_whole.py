@@ -12,6 +12,7 @@ import pyvista
 import qclearn as qc
 from commands import BALL, NAMES, everything, label, made, refused, run  # noqa: F401 (made: a fixture)
 from freesurfer import GEOMETRY
+from known_surfaces import with_seam
 from qclearn.io.hemisphere import read_hemisphere
 from qclearn.io.mapfile import read_registration
 from qclearn.io.meshes import frame_of
@@ -148,11 +149,8 @@ def spoilt(made, cut, tmp_path_factory):
         folder / "rh.npz", vertices=np.vstack([np.full((3, 3), 70), moving.vertices]) / 1e3, faces=moving.faces + 3
     )
     side = control.vertices[control.faces].mean(axis=1)[:, 0] > 0
-    seam = np.intersect1d(control.faces[side], control.faces[~side])
-    new = np.arange(len(control.vertices))
-    new[seam] = len(new) + np.arange(len(seam))
-    faces = np.where(side[:, None], new[control.faces], control.faces)
-    np.savez(folder / "lh.npz", vertices=np.vstack([control.vertices, control.vertices[seam]]) / 1e3, faces=faces)
+    vertices, faces, _ = with_seam(control.vertices, control.faces, side)
+    np.savez(folder / "lh.npz", vertices=vertices / 1e3, faces=faces)
     landmarks = json.loads((cut / "landmarks.json").read_text())
     for curve in landmarks["curves"]:
         curve["moving"] = [vertex + 3 for vertex in curve["moving"]]

@@ -27,7 +27,7 @@ from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.linear import cotangent_stiffness
 
-DISK = random_disk(seed=1)
+Z, FACES = DISK = random_disk(seed=1)
 below_one = st.builds(lambda r, t: r * np.exp(1j * t), st.floats(0, 0.95), st.floats(0, 2 * np.pi))
 
 
@@ -60,21 +60,19 @@ def test_catalogue_derivatives(exact):
 
 
 def test_hat_gradients_are_the_papers_mended_formula():
-    z, faces = DISK
-    g, h = z.real[faces], z.imag[faces]
-    area = signed_areas(z, faces)[:, None]
+    g, h = Z.real[FACES], Z.imag[FACES]
+    area = signed_areas(Z, FACES)[:, None]
     A = (np.roll(h, -1, 1) - np.roll(h, -2, 1)) / (2 * area)
     B = (np.roll(g, -2, 1) - np.roll(g, -1, 1)) / (2 * area)
-    np.testing.assert_allclose(hat_gradients(z, faces), A + 1j * B, rtol=1e-12)
+    np.testing.assert_allclose(hat_gradients(Z, FACES), A + 1j * B, rtol=1e-12)
 
 
 def test_affine_map_is_recovered():
-    z, faces = DISK
     exact = affine(1.2 - 0.5j, 0.3 + 0.6j, 2j)
-    f_z, f_zbar = wirtinger(z, faces, exact(z))
+    f_z, f_zbar = wirtinger(Z, FACES, exact(Z))
     np.testing.assert_allclose(f_z, 1.2 - 0.5j, atol=1e-12)
     np.testing.assert_allclose(f_zbar, 0.3 + 0.6j, atol=1e-12)
-    np.testing.assert_allclose(beltrami_coefficient(z, faces, exact(z)), exact.mu(z[:1])[0], atol=1e-12)
+    np.testing.assert_allclose(beltrami_coefficient(Z, FACES, exact(Z)), exact.mu(Z[:1])[0], atol=1e-12)
 
 
 @pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda exact: exact.name)
@@ -88,13 +86,12 @@ def test_coefficient_of_the_interpolant_converges(exact):
 
 
 def test_jacobian_is_the_ratio_of_areas_with_its_sign():
-    z, faces = DISK
-    f = SLIDING(z)
-    f[faces[7, 0]] += 0.5  # folds something
-    ratio = signed_areas(f, faces) / signed_areas(z, faces)
+    f = SLIDING(Z)
+    f[FACES[7, 0]] += 0.5  # folds something
+    ratio = signed_areas(f, FACES) / signed_areas(Z, FACES)
     assert (ratio < 0).any()
-    np.testing.assert_allclose(jacobian(z, faces, f), ratio, atol=1e-12)
-    assert ((abs(beltrami_coefficient(z, faces, f)) > 1) == (ratio < 0)).all()
+    np.testing.assert_allclose(jacobian(Z, FACES, f), ratio, atol=1e-12)
+    assert ((abs(beltrami_coefficient(Z, FACES, f)) > 1) == (ratio < 0)).all()
 
 
 def test_coefficient_of_an_anticonformal_map_is_infinite():
@@ -106,22 +103,20 @@ def test_coefficient_of_an_anticonformal_map_is_infinite():
 
 
 def test_surface_target_of_a_lifted_plane_has_the_planar_coefficient():
-    z, faces = DISK
-    f = SLIDING(z)
+    f = SLIDING(Z)
     turned = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
     lifted = 3.0 * space(f) @ turned.T + [1.0, -2.0, 5.0]
-    np.testing.assert_allclose(beltrami_coefficient(z, faces, lifted), beltrami_coefficient(z, faces, f), atol=1e-12)
+    np.testing.assert_allclose(beltrami_coefficient(Z, FACES, lifted), beltrami_coefficient(Z, FACES, f), atol=1e-12)
 
 
 def test_surface_target_is_the_papers_formula_and_hides_folds():
-    z, faces = DISK
-    points = np.stack([z.real, z.imag + z.real**2, np.sin(3 * z.imag)], 1)
-    gradients = hat_gradients(z, faces)
-    x, y = (np.einsum("fk,fkc->fc", part, points[faces]) for part in (gradients.real, gradients.imag))
+    points = np.stack([Z.real, Z.imag + Z.real**2, np.sin(3 * Z.imag)], 1)
+    gradients = hat_gradients(Z, FACES)
+    x, y = (np.einsum("fk,fkc->fc", part, points[FACES]) for part in (gradients.real, gradients.imag))
     E, F, G = (x * x).sum(1), (x * y).sum(1), (y * y).sum(1)
     expected = (E - G + 2j * F) / (E + G + 2 * np.sqrt(E * G - F**2))
-    np.testing.assert_allclose(beltrami_coefficient(z, faces, points), expected, atol=1e-12)
-    assert abs(beltrami_coefficient(z, faces, space(np.conj(SLIDING(z))))).max() < 1
+    np.testing.assert_allclose(beltrami_coefficient(Z, FACES, points), expected, atol=1e-12)
+    assert abs(beltrami_coefficient(Z, FACES, space(np.conj(SLIDING(Z))))).max() < 1
 
 
 # Composition and inverse.
@@ -133,7 +128,7 @@ PAIRS = [(RADIAL, SLIDING), (SLIDING, RADIAL), (twist(0.6), sliding_three(0.2)),
 
 @pytest.mark.parametrize("f, g", PAIRS, ids=lambda exact: exact.name)
 def test_composition_against_the_chain_rule(f, g):
-    z = DISK[0][abs(DISK[0]) > 0.05]
+    z = Z[abs(Z) > 0.05]
     composed = compose_coefficients(f.mu(z), f.f_z(z), g.mu(f(z)))
     np.testing.assert_allclose(composed, after(g, f).mu(z), atol=1e-12)
 
@@ -149,7 +144,7 @@ def test_composition_stays_below_one_and_undoes_itself(mu_f, mu_g, angle):
 
 
 def test_moebius_after_the_map_leaves_the_coefficient():
-    z = DISK[0][abs(DISK[0]) > 0.05]
+    z = Z[abs(Z) > 0.05]
     np.testing.assert_allclose(after(moebius(0.6 - 0.2j, 0.7), SLIDING).mu(z), SLIDING.mu(z), atol=1e-13)
 
 
@@ -172,51 +167,46 @@ def test_diffusion_is_the_papers_matrix_with_determinant_one(mu, gradient):
 def test_diffused_gradient_of_u_is_the_turned_gradient_of_v():
     """`v_y = a1 u_x + a2 u_y`, `-v_x = a2 u_x + a3 u_y`: the paper's eqn3 with its signs mended."""
     exact = affine(1.3 + 0.2j, 0.5 - 0.4j)
-    z, faces = DISK
-    f, mu = exact(z), exact.mu(z[:1])[0]
-    gradients = hat_gradients(z, faces)
-    u, v = (np.einsum("fk,fk->f", gradients, part[faces]) for part in (f.real, f.imag))
+    f, mu = exact(Z), exact.mu(Z[:1])[0]
+    gradients = hat_gradients(Z, FACES)
+    u, v = (np.einsum("fk,fk->f", gradients, part[FACES]) for part in (f.real, f.imag))
     np.testing.assert_allclose(diffuse(mu, u), -1j * v, atol=1e-12)
 
 
 def test_stiffness_equals_the_cotangent_matrix_of_the_metric():
     """K(mu) is the Laplacian of triangles with edges `e + mu conj(e)`: each laid out alone, then glued."""
-    z, faces = DISK
-    mu = random_mu(np.random.default_rng(0), z, faces, 0.8)
-    corners = z[faces] + mu[:, None] * np.conj(z[faces])
+    mu = random_mu(np.random.default_rng(0), Z, FACES, 0.8)
+    corners = Z[FACES] + mu[:, None] * np.conj(Z[FACES])
     apart = cotangent_stiffness(space(corners.ravel()), np.arange(corners.size).reshape(-1, 3))
-    glue = sparse.csr_array((np.ones(faces.size), (np.arange(faces.size), faces.ravel())))
-    difference = stiffness(z, faces, mu) - glue.T @ apart @ glue
+    glue = sparse.csr_array((np.ones(FACES.size), (np.arange(FACES.size), FACES.ravel())))
+    difference = stiffness(Z, FACES, mu) - glue.T @ apart @ glue
     assert abs(difference).max() < 1e-11 * abs(apart).max()
 
 
 def test_cotangent_stiffness_equals_libigl():
-    z, faces = DISK
-    points = np.stack([z.real, z.imag, np.sin(3 * z.real) * z.imag], 1)
-    theirs = -igl.cotmatrix(points, faces.astype(np.int64))
-    assert abs(cotangent_stiffness(points, faces) - theirs).max() < 1e-12
+    points = np.stack([Z.real, Z.imag, np.sin(3 * Z.real) * Z.imag], 1)
+    theirs = -igl.cotmatrix(points, FACES.astype(np.int64))
+    assert abs(cotangent_stiffness(points, FACES) - theirs).max() < 1e-12
 
 
 def test_stiffness_of_a_composition_and_of_an_inverse_on_the_image_mesh():
     """The energy of w(f(z)) may be taken in z or in f(z): the same matrix, coefficient by the composition formula."""
-    z, faces = DISK
-    f = SLIDING(z)
-    f_z, mu_f = wirtinger(z, faces, f)[0], beltrami_coefficient(z, faces, f)
-    mu_g = random_mu(np.random.default_rng(0), f, faces, 0.6)
+    f = SLIDING(Z)
+    f_z, mu_f = wirtinger(Z, FACES, f)[0], beltrami_coefficient(Z, FACES, f)
+    mu_g = random_mu(np.random.default_rng(0), f, FACES, 0.6)
     composed = compose_coefficients(mu_f, f_z, mu_g)
-    assert abs(stiffness(f, faces, mu_g) - stiffness(z, faces, composed)).max() < 1e-12
+    assert abs(stiffness(f, FACES, mu_g) - stiffness(Z, FACES, composed)).max() < 1e-12
     undone = inverse_coefficient(mu_f, f_z)
-    np.testing.assert_allclose(beltrami_coefficient(f, faces, z), undone, atol=1e-13)
-    assert abs(stiffness(f, faces, undone) - stiffness(z, faces, 0 * mu_f)).max() < 1e-12
+    np.testing.assert_allclose(beltrami_coefficient(f, FACES, Z), undone, atol=1e-13)
+    assert abs(stiffness(f, FACES, undone) - stiffness(Z, FACES, 0 * mu_f)).max() < 1e-12
 
 
 def test_energy_minus_area_vanishes_for_the_map_itself():
     """On every row, boundary included: `K f + (i/2)(f_next - f_prev) = 0` (erratum on L_LBS)."""
     exact = affine(1, 0.4 - 0.3j)
-    z, faces = DISK
-    f = exact(z)
-    residual = stiffness(z, faces, exact.mu(z[faces[:, 0]])) @ f
-    loop = boundary_loop(faces)
+    f = exact(Z)
+    residual = stiffness(Z, FACES, exact.mu(Z[FACES[:, 0]])) @ f
+    loop = boundary_loop(FACES)
     residual[loop] += 0.5j * (np.roll(f[loop], -1) - np.roll(f[loop], 1))
     assert abs(residual).max() < 1e-12
 
@@ -234,10 +224,9 @@ def interior_share(z, faces, share, seed=0):
 @pytest.mark.parametrize("pins", [0.0, 0.1])
 def test_solver_recovers_affine_maps(pins):
     exact = affine(0.8 + 0.3j, -0.2 + 0.5j, 1 - 1j)
-    z, faces = DISK
-    pinned = interior_share(z, faces, pins)
-    f = solve_beltrami(z, faces, exact.on_faces(Disk(z, faces)), pinned, exact(z[pinned]))
-    np.testing.assert_allclose(f, exact(z), atol=1e-12)
+    pinned = interior_share(Z, FACES, pins)
+    f = solve_beltrami(Z, FACES, exact.on_faces(Disk(Z, FACES)), pinned, exact(Z[pinned]))
+    np.testing.assert_allclose(f, exact(Z), atol=1e-12)
 
 
 def test_solver_with_every_vertex_pinned():
@@ -259,14 +248,13 @@ def test_l2_rate_on_the_radial_stretch():
 
 
 def test_solver_equals_lapy():
-    z, faces = DISK
-    mu = random_mu(np.random.default_rng(4), z, faces, 0.7)
-    pinned = interior_share(z, faces, 0.05)
-    values = z[pinned] + 0.1 * np.sin(3 * z[pinned].imag)
+    mu = random_mu(np.random.default_rng(4), Z, FACES, 0.7)
+    pinned = interior_share(Z, FACES, 0.05)
+    values = Z[pinned] + 0.1 * np.sin(3 * Z[pinned].imag)
     theirs = lapy.conformal.linear_beltrami_solver(
-        lapy.TriaMesh(space(z), faces), mu, pinned, np.stack([values.real, values.imag], 1)
+        lapy.TriaMesh(space(Z), FACES), mu, pinned, np.stack([values.real, values.imag], 1)
     )
-    ours = solve_beltrami(z, faces, mu, pinned, values)
+    ours = solve_beltrami(Z, FACES, mu, pinned, values)
     np.testing.assert_allclose(ours, theirs[:, 0] + 1j * theirs[:, 1], atol=1e-10)
 
 
@@ -274,11 +262,11 @@ def test_solver_equals_lapy():
 
 
 def with_vertex(value):
-    return np.where(np.arange(len(DISK[0])) == DISK[1][0, 0], value, DISK[0])
+    return np.where(np.arange(len(Z)) == FACES[0, 0], value, Z)
 
 
 def spoiled(position, value):
-    mu = np.zeros(len(DISK[1]), complex)
+    mu = np.zeros(len(FACES), complex)
     mu[position] = value
     return mu
 
@@ -292,7 +280,7 @@ def spoiled(position, value):
         (spoiled(2, complex(0, np.inf)), r"\[2\]"),
         (spoiled([3, 5], 2), r"2 faces \(first: \[3, 5\]"),
         (np.zeros(3), r"shape \(3,\)"),
-        (np.zeros((len(DISK[1]), 2)), "one value a face"),
+        (np.zeros((len(FACES), 2)), "one value a face"),
     ],
 )
 def test_unusable_coefficients(mu, message):
@@ -304,7 +292,7 @@ def test_unusable_coefficients(mu, message):
 @pytest.mark.parametrize(
     "pinned, values, message",
     [
-        ([len(DISK[0])], [1], "out of range"),
+        ([len(Z)], [1], "out of range"),
         ([-1], [1], r"out of range .*: \[-1\]"),
         ([3, 3], [1, 1], r"once: \[3\]"),
         ([1, 2], [1], "one value a vertex"),
@@ -316,18 +304,17 @@ def test_unusable_coefficients(mu, message):
     ],
 )
 def test_unusable_pins(pinned, values, message):
-    z, faces = DISK
     with pytest.raises(BeltramiError, match=message):
-        solve_beltrami(z, faces, np.zeros(len(faces)), pinned, values)
+        solve_beltrami(Z, FACES, np.zeros(len(FACES)), pinned, values)
 
 
 @pytest.mark.parametrize(
     "z, faces, message",
     [
-        (DISK[0].conj(), DISK[1], "not counter-clockwise"),
-        (DISK[0], DISK[1][:, ::-1], "not counter-clockwise"),
-        (with_vertex(np.nan), DISK[1], "z is not finite at vertices"),
-        (with_vertex(9), DISK[1], "not counter-clockwise"),
+        (Z.conj(), FACES, "not counter-clockwise"),
+        (Z, FACES[:, ::-1], "not counter-clockwise"),
+        (with_vertex(np.nan), FACES, "z is not finite at vertices"),
+        (with_vertex(9), FACES, "not counter-clockwise"),
     ],
 )
 def test_unusable_source_meshes(z, faces, message):

@@ -17,7 +17,7 @@ from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk
 from qclearn.plane.linear import edge_lengths
 
-DISK = random_disk(seed=1)
+Z, FACES = DISK = random_disk(seed=1)
 
 
 def bent(w, turns):
@@ -29,14 +29,13 @@ def bent(w, turns):
 
 
 def test_flipped_faces_are_named():
-    z, faces = DISK
-    f = SLIDING(z)
-    inner = abs(z).argmin()
+    f = SLIDING(Z)
+    inner = abs(Z).argmin()
     f[inner] += 0.4
-    certificate = check_bijective(z, faces, f)
+    certificate = check_bijective(Z, FACES, f)
     assert not certificate.bijective and certificate.boundary
-    assert certificate.flipped.tolist() == np.flatnonzero(signed_areas(f, faces) < 0).tolist()
-    assert 0 < len(certificate.flipped) < 10 and (faces[certificate.flipped] == inner).any(1).all()
+    assert certificate.flipped.tolist() == np.flatnonzero(signed_areas(f, FACES) < 0).tolist()
+    assert 0 < len(certificate.flipped) < 10 and (FACES[certificate.flipped] == inner).any(1).all()
 
 
 def doubled():
@@ -74,14 +73,13 @@ def test_of_maps_whose_triangles_are_positive_the_boundary_decides(made, bijecti
 @pytest.mark.parametrize("value", [np.nan, np.inf, complex(0, np.nan)])
 @pytest.mark.parametrize("vertex", ["inner", "boundary"])
 def test_not_finite_is_not_bijective(value, vertex):
-    z, faces = DISK
-    f = z.copy()
-    index = boundary_loop(faces)[3] if vertex == "boundary" else abs(z).argmin()
+    f = Z.copy()
+    index = boundary_loop(FACES)[3] if vertex == "boundary" else abs(Z).argmin()
     f[index] = value
     with np.errstate(invalid="ignore"):
-        certificate = check_bijective(z, faces, f)
+        certificate = check_bijective(Z, FACES, f)
     assert not certificate.bijective
-    assert set(np.flatnonzero((faces == index).any(1))) <= set(certificate.flipped.tolist())
+    assert set(np.flatnonzero((index == FACES).any(1))) <= set(certificate.flipped.tolist())
 
 
 def test_collapsed_face_counts_as_flipped():
@@ -187,16 +185,15 @@ def test_thin_triangles_beyond_doubt_are_not_flipped(scale, shift, height):
 
 def test_mean_value_rows_are_averages_that_reproduce_linear_functions():
     """Floater's property at every interior vertex, in the plane of the mesh and in the metric of a constant mu."""
-    z, faces = DISK
-    inner = np.setdiff1d(np.arange(len(z)), boundary_loop(faces))
-    for picture in (z + (0.5 - 0.3j) * z.conj(), z):
-        matrix = mean_value_matrix(Disk(picture, faces), edge_lengths(picture[faces])).toarray()
+    inner = np.setdiff1d(np.arange(len(Z)), boundary_loop(FACES))
+    for picture in (Z + (0.5 - 0.3j) * Z.conj(), Z):
+        matrix = mean_value_matrix(Disk(picture, FACES), edge_lengths(picture[FACES])).toarray()
         assert abs(matrix @ picture)[inner].max() < 1e-13
     np.testing.assert_allclose(np.diag(matrix), 1, rtol=1e-14)
     np.testing.assert_allclose(matrix.sum(1), 0, atol=1e-13)
     off = matrix - np.diag(np.diag(matrix))
     edges = np.zeros(off.shape, bool)
-    edges[faces, np.roll(faces, 1, axis=1)] = edges[faces, np.roll(faces, -1, axis=1)] = True
+    edges[FACES, np.roll(FACES, 1, axis=1)] = edges[FACES, np.roll(FACES, -1, axis=1)] = True
     assert ((off < 0) == edges).all()
 
 
@@ -220,12 +217,11 @@ def test_edge_lengths_lie_opposite_their_corners():
 
 def folding_problem(seed):
     """A coefficient that jumps from face to face and folds the disk map: (z, faces, mu, f, metric edge lengths)."""
-    z, faces = DISK
     rng = np.random.default_rng(seed)
-    mu = 0.93 * np.sqrt(rng.uniform(size=len(faces))) * np.exp(2j * np.pi * rng.uniform(size=len(faces)))
-    f = BeltramiDiskSolver(z, faces).solve(mu)
-    edges = np.roll(z[faces], -1, axis=1) - np.roll(z[faces], -2, axis=1)
-    return z, faces, mu, f, abs(edges + mu[:, None] * edges.conj())
+    mu = 0.93 * np.sqrt(rng.uniform(size=len(FACES))) * np.exp(2j * np.pi * rng.uniform(size=len(FACES)))
+    f = BeltramiDiskSolver(Z, FACES).solve(mu)
+    edges = np.roll(Z[FACES], -1, axis=1) - np.roll(Z[FACES], -2, axis=1)
+    return Z, FACES, mu, f, abs(edges + mu[:, None] * edges.conj())
 
 
 @pytest.mark.parametrize("seed", range(6))

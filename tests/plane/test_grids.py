@@ -51,14 +51,6 @@ def test_polar_disk_is_numbered_ring_by_ring():
     assert len(faces) == nt * (2 * nr - 1)
 
 
-def test_polar_disk_is_invariant_under_one_step():
-    nr, nt = 4, 9
-    z, faces = polar_disk(nr, nt)
-    turned = np.concatenate([[0], 1 + (np.arange(nr)[:, None] * nt + (np.arange(nt) + 1) % nt).ravel()])
-    np.testing.assert_allclose(z[turned], z * np.exp(2j * np.pi / nt), atol=1e-15)
-    assert {frozenset(f) for f in turned[faces].tolist()} == {frozenset(f) for f in faces.tolist()}
-
-
 def test_square_and_disk_are_inverse_and_keep_directions():
     w = np.array([0, 1, 1 + 1j, -0.5 + 1j, -1 - 0.2j, 0.3 - 0.1j, -1j])
     z = square_to_disk(w)

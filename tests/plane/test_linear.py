@@ -8,14 +8,7 @@ from meshes import boundary_loop, random_disk, random_mu
 from qclearn.plane import linear
 from qclearn.plane.beltrami import BeltramiDiskSolver, stiffness
 from qclearn.plane.grids import polar_disk
-from qclearn.plane.linear import Dirichlet, assemble
-
-
-def test_assemble_sums_element_matrices():
-    blocks = np.arange(18.0).reshape(2, 3, 3)
-    matrix = assemble(np.array([[0, 1, 2], [2, 1, 3]]), blocks, 4).toarray()
-    assert matrix[0].tolist() == [0, 1, 2, 0]
-    assert matrix[1, 2] == blocks[0, 1, 2] + blocks[1, 1, 0] and matrix[2, 1] == blocks[0, 2, 1] + blocks[1, 0, 1]
+from qclearn.plane.linear import Dirichlet
 
 
 def test_factored_problem_takes_real_complex_and_many_loads():
@@ -86,13 +79,3 @@ def test_a_matrix_that_cholmod_cannot_factor_goes_to_superlu():
     assert not isinstance(linear.factorise(one_sided), linear.Cholesky)
     with pytest.raises(linear.BeltramiError, match="cannot be solved"):
         linear.factorise(sparse.csc_array((2, 2)))
-
-
-def test_without_cvxopt_nothing_is_said(monkeypatch, recwarn):
-    monkeypatch.setattr(linear, "find_spec", lambda name: None)
-    linear.has_cholmod.cache_clear()
-    z, faces = random_disk(seed=1)
-    problem = Dirichlet(stiffness(z, faces, np.zeros(len(faces), complex)), boundary_loop(faces))
-    linear.has_cholmod.cache_clear()
-    np.testing.assert_allclose(problem.solve(z[problem.pinned]), z, atol=1e-12)
-    assert not isinstance(problem.factors, linear.Cholesky) and not recwarn.list

@@ -9,7 +9,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from known_surfaces import grid, torus_mesh
+from known_surfaces import grid, torus_mesh, with_seam
 from operations import lines_run
 from qclearn.surfaces.surface import Mesh, Surface, SurfaceError, mirror, require_disk, require_outward
 from qclearn.surfaces.units import other_units, relative_units, size_of
@@ -184,14 +184,6 @@ def test_zero_area_is_judged_at_the_scale_of_the_surface(scale):
     thin = vertices.copy()
     thin[0] = vertices[3] + 1e-9 * (vertices[0] - vertices[3])
     assert Surface(thin, faces).area > 0
-
-
-def with_seam(vertices, faces, side):
-    """The mesh whose faces on one side (F,) bool have vertices of their own, the last."""
-    seam = np.intersect1d(faces[side], faces[~side])
-    new = np.arange(len(vertices))
-    new[seam] = len(vertices) + np.arange(len(seam))
-    return np.vstack([vertices, vertices[seam]]), np.where(side[:, None], new[faces], faces), seam
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
