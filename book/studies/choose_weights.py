@@ -35,6 +35,7 @@ from qclearn.benchmark.cortex import (
     person,
     warp_pair,
 )
+from qclearn.benchmark.images import OnDisk
 from qclearn.benchmark.measured import RESULTS, write_measured
 from qclearn.benchmark.methods.folds import with_folds
 from qclearn.benchmark.pairs import CONTROL, Pair, cohort_pair, mapped_subject, prepare
@@ -137,6 +138,7 @@ def measured(name, people):
         pair = pair_of(name, people)
         prepared, rows = prepare(pair), []
         sides = with_folds(prepared.problem)
+        image = OnDisk(pair.control, pair.control.disk.locate)
         free = align_disks(replace(sides, curves=[], held=[]))
         given = replace(prepared.problem, pair=replace(sides, moving=replace(sides.moving, disk=prepared.problem.disk)))
         ways = {"people": ["free"], "warp": ["landmarks"]}.get(name.split(",")[0], ["landmarks", "free"])
@@ -149,7 +151,7 @@ def measured(name, people):
                     problem, Weights(1.0, beta, gamma, delta, eta), features=sides.features if delta else None
                 )
                 row = {"setting": setting, "problem": name, "way": way}
-                figures = map_figures(pair, prepared, fit.f, pair.control.disk.locate, False)
+                figures = map_figures(pair, prepared, fit.f, image, image.locate(fit.f), image.locate)
                 row |= {key: figures[key] for key in KEPT}
                 print(json.dumps(row), flush=True)
                 rows.append(row)
