@@ -18,6 +18,7 @@ from qclearn.io.safe import LeftOutWarning
 from qclearn.io.values import read_map, read_values, write_values
 from qclearn.surfaces.surface import Surface, SurfaceError
 
+FLAT = Surface(*grid(3, 3))
 CENTRE = np.array([[1.0, 0, 0, 5], [0, 1, 0, -7], [0, 0, 1, 9], [0, 0, 0, 1]])
 
 
@@ -34,14 +35,12 @@ def test_hemisphere_and_kind_are_read_from_a_name_that_says_them(name, side, kin
 
 
 def test_a_surface_names_its_hemisphere_and_coordinate_system(tmp_path):
-    surface = Surface(*grid(3, 3))
     space = nibabel.gifti.GiftiCoordSystem("NIFTI_XFORM_SCANNER_ANAT", "NIFTI_XFORM_TALAIRACH", CENTRE)
-    for name, frame, structure in (
-        ("lh.a.surf.gii", None, "CortexLeft"),
-        ("a.surf.gii", None, None),
-        ("b.surf.gii.gz", Frame("right", space), "CortexRight"),
+    right = Frame("right", space)
+    for name, frame, structure in zip(
+        ("lh.a.surf.gii", "a.surf.gii", "b.surf.gii.gz"), (None, None, right), ("CortexLeft", None, "CortexRight")
     ):
-        write_surface(tmp_path / name, surface, frame=frame)
+        write_surface(tmp_path / name, FLAT, frame=frame)
         image = nibabel.load(tmp_path / name)
         points = image.get_arrays_from_intent("NIFTI_INTENT_POINTSET")[0]
         assert {meta.get("AnatomicalStructurePrimary") for meta in (points.meta, image.meta)} == {structure}
@@ -50,16 +49,14 @@ def test_a_surface_names_its_hemisphere_and_coordinate_system(tmp_path):
     again = frame_of(tmp_path / "b.surf.gii.gz")
     assert again.side == "right"
     np.testing.assert_array_equal(again.space.xform, CENTRE)
-    np.testing.assert_array_equal(read_surface(tmp_path / "b.surf.gii.gz").vertices, surface.vertices)  # as stored
+    np.testing.assert_array_equal(read_surface(tmp_path / "b.surf.gii.gz").vertices, FLAT.vertices)  # as stored
 
 
 @pytest.fixture
 def whole(tmp_path):
-    """lh.pial with a volume's geometry, its Frame and its vertices as they lie in FreeSurfer and in
-    the scanner."""
-    surface = Surface(*grid(3, 3))
+    """lh.pial with a volume's geometry, and its vertices as they lie in FreeSurfer."""
     path = tmp_path / "lh.pial"
-    nibabel.freesurfer.write_geometry(path, surface.vertices, surface.faces, volume_info=GEOMETRY)
+    nibabel.freesurfer.write_geometry(path, FLAT.vertices, FLAT.faces, volume_info=GEOMETRY)
     return path, read_surface(path).vertices
 
 
@@ -122,37 +119,16 @@ def test_geometry_that_makes_no_sense_is_refused(tmp_path, whole):
 
 
 def test_an_npz_keeps_the_whole_surface(tmp_path, whole):
-    path, _ = whole
-    surface = read_surface(path)
-    frame = replace(frame_of(path), count=16, whole=surface.faces)
+    surface = read_surface(whole[0])
+    frame = replace(frame_of(whole[0]), count=16, whole=FLAT.faces)
     write_surface(tmp_path / "a.npz", surface, frame=frame)
     assert frame_of(tmp_path / "a.npz") == frame
-    np.testing.assert_array_equal(frame_of(tmp_path / "a.npz").whole, surface.faces)
+    np.testing.assert_array_equal(frame_of(tmp_path / "a.npz").whole, FLAT.faces)
     assert read_surface(tmp_path / "a.npz").fingerprint == surface.fingerprint
     with np.load(tmp_path / "a.npz") as file:
         np.savez(tmp_path / "b.npz", **{**file, "about": np.array('{"side": "left"}')})
     with pytest.raises(SurfaceError, match="b.npz: .*cannot be understood"):
         frame_of(tmp_path / "b.npz")
-
-
-def test_labels_keep_their_names_and_colours(tmp_path):
-    keys = np.array([0, 1, 2, -1, 1])
-    table = np.array([[25, 5, 25, 0, 0], [100, 20, 30, 0, 0], [20, 220, 60, 0, 0]])
-    names = ["unknown", "insula", "cuneus"]
-    nibabel.freesurfer.write_annot(tmp_path / "lh.aparc.annot", keys, table, names, fill_ctab=True)
-    found = read_map(tmp_path / "lh.aparc.annot")
-    np.testing.assert_array_equal(found.values, keys)
-    write_values(tmp_path / "a.label.gii", found.values, side="left", labels=found.labels)
-    image = nibabel.load(tmp_path / "a.label.gii")
-    names = image.labeltable.get_labels_as_dict()
-    assert names[1] == "insula" and names[2] == "cuneus"
-    colour = next(label.rgba for label in image.labeltable.labels if label.key == 2)
-    np.testing.assert_allclose(colour, np.array([20, 220, 60, 255]) / 255, atol=1e-6)
-    assert image.meta["AnatomicalStructurePrimary"] == "CortexLeft"
-    assert image.darrays[0].intent == nibabel.nifti1.intent_codes["NIFTI_INTENT_LABEL"]
-    again = read_map(tmp_path / "a.label.gii")
-    assert again.labels[1][0] == "insula"
-    np.testing.assert_array_equal(again.values, np.maximum(keys, 0))
 
 
 REGIONS = {1: ("b", (1.0, 0.0, 0.0, 1.0)), 2: ("c", (0.0, 1.0, 0.0, 1.0))}
@@ -161,16 +137,20 @@ REGIONS = {1: ("b", (1.0, 0.0, 0.0, 1.0)), 2: ("c", (0.0, 1.0, 0.0, 1.0))}
 @pytest.mark.parametrize("zero, raised", [
     (("unknown", (0.1, 0.1, 0.1, 1.0)), 0), (("???", (1.0, 1.0, 1.0, 0.0)), 0), (("insula", (0.1, 0.1, 0.1, 1.0)), 1),
 ])  # fmt: skip
-def test_no_key_is_below_0_and_none_shows_nothing(tmp_path, zero, raised):
-    """Key -1 becomes 0; where 0 is a region, all keys are raised by one."""
-    labels = {-1: ("???", (1.0, 1.0, 1.0, 0.0)), 0: zero, **REGIONS}
-    write_values(tmp_path / "a.label.gii", np.array([-1, 0, 2, 1], dtype=np.int64), labels=labels)
-    found = read_map(tmp_path / "a.label.gii")
+def test_labels_keep_names_and_colours_and_no_key_is_below_0(tmp_path, zero, raised):
+    """Key -1 becomes 0 and shows nothing; where 0 is a region, all keys are raised by one."""
+    path, labels = tmp_path / "a.label.gii", {-1: ("???", (1.0, 1.0, 1.0, 0.0)), 0: zero, **REGIONS}
+    write_values(path, np.array([-1, 0, 2, 1], dtype=np.int64), side="left", labels=labels)
+    found, image = read_map(path), nibabel.load(path)
     assert found.values.dtype == np.int32 and found.values.tolist() == [0, raised, 2 + raised, 1 + raised]
     assert min(found.labels) == 0 and found.labels[0][1][3] == 0.0
     assert [found.labels[key + raised] for key in REGIONS] == list(REGIONS.values())
+    theirs = {label.key - raised: (label.label, label.rgba) for label in image.labeltable.labels}
+    assert theirs[1] == REGIONS[1] and theirs[2] == REGIONS[2]
+    assert image.meta["AnatomicalStructurePrimary"] == "CortexLeft"
+    assert image.darrays[0].intent == nibabel.nifti1.intent_codes["NIFTI_INTENT_LABEL"]
     with pytest.raises(SurfaceError, match="a.label.gii: .*keys below 0"):
-        write_values(tmp_path / "a.label.gii", np.array([-2, 0]), labels={-2: REGIONS[1]})
+        write_values(path, np.array([-2, 0]), labels={-2: REGIONS[1]})
 
 
 def test_an_annotation_comes_back(tmp_path):
@@ -186,30 +166,29 @@ def test_an_annotation_comes_back(tmp_path):
             write_values(tmp_path / "b.annot", bad)
 
 
-def test_maps_have_names_and_whole_numbers_a_table(tmp_path):
-    maps = np.arange(8.0).reshape(4, 2)
-    for name, values, names, expected in (
-        ("lh.thickness.shape.gii", np.zeros(4), None, ["lh.thickness"]),
-        ("a.func.gii", maps, None, ["a 1", "a 2"]),
-        ("a.label.gii", np.array([0, 7, 3, 7]), ["regions"], ["regions"]),
-    ):
-        write_values(tmp_path / name, values, names=names)
-        assert read_map(tmp_path / name).names == expected
-    assert len(nibabel.load(tmp_path / "a.func.gii").darrays) == 2
-    np.testing.assert_array_equal(read_values(tmp_path / "a.func.gii"), maps)
-    path = tmp_path / "a.label.gii"
-    assert nibabel.load(path).labeltable.get_labels_as_dict() == {0: "???", 3: "3", 7: "7"}
-    path.write_bytes(path.read_bytes().replace(b">3</Label>", b"></Label>"))
-    assert read_map(path).labels[3][0] == "" and read_map(path).labels[7][0] == "7"
+@pytest.mark.parametrize("name, values, names, expected", [
+    ("lh.thickness.shape.gii", np.zeros(4), None, ["lh.thickness"]),
+    ("a.func.gii", np.arange(8.0).reshape(4, 2), None, ["a 1", "a 2"]),
+    ("a.label.gii", np.array([0, 7, 3, 7]), ["regions"], ["regions"]),
+])  # fmt: skip
+def test_maps_have_names_and_whole_numbers_a_table(tmp_path, name, values, names, expected):
+    path = tmp_path / name
+    write_values(path, values, names=names)
+    image = nibabel.load(path)
+    assert read_map(path).names == expected and len(image.darrays) == len(expected)
+    np.testing.assert_array_equal(read_values(path), values)
+    if "label" in name:
+        assert image.labeltable.get_labels_as_dict() == {0: "???", 3: "3", 7: "7"}
+        path.write_bytes(path.read_bytes().replace(b">3</Label>", b"></Label>"))
+        assert read_map(path).labels[3][0] == "" and read_map(path).labels[7][0] == "7"
 
 
 def gifti(path, *arrays, keys=()):
     """A file of arrays, each (data, intent), and a table of the keys."""
     table = nibabel.gifti.GiftiLabelTable()
     for key in keys:
-        label = nibabel.gifti.GiftiLabel(key, 1, 0, 0, 1)
-        label.label = f"region {key}" if key else "???"
-        table.labels.append(label)
+        table.labels.append(nibabel.gifti.GiftiLabel(key, 1, 0, 0, 1))
+        table.labels[-1].label = f"region {key}" if key else "???"
     made = [nibabel.gifti.GiftiDataArray(data, f"NIFTI_INTENT_{intent}") for data, intent in arrays]
     path.write_bytes(nibabel.GiftiImage(darrays=made, labeltable=table).to_bytes())
     return path
@@ -274,7 +253,7 @@ ROWS = list(map(str, CENTRE.ravel()))
 ])  # fmt: skip
 def test_a_coordinate_system_is_read_in_any_lines_or_left_out_with_a_word(tmp_path, matrix, space, kept):
     path = tmp_path / "lh.surf.gii"
-    write_surface(path, Surface(*grid(3, 3)), frame=Frame(space=nibabel.gifti.GiftiCoordSystem(1, 3, CENTRE)))
+    write_surface(path, FLAT, frame=Frame(space=nibabel.gifti.GiftiCoordSystem(1, 3, CENTRE)))
     text = re.sub(r"(<MatrixData>)[^<]*", rf"\g<1>{matrix}", path.read_text())
     path.write_text(text.replace("XFORM_SCANNER_ANAT", f"XFORM_{space}"))
     with (
@@ -302,27 +281,27 @@ def test_names_of_any_letters_are_written_as_xml_and_read_again(tmp_path):
 @pytest.mark.parametrize("name", ["lh.a.surf.gii", "lh.a.npz", "sub-01_hemi-L_a.shape.gii"])
 def test_metadata_and_a_name_that_differ_are_refused_with_the_command_that_corrects_them(tmp_path, name):
     path, other = tmp_path / name, tmp_path / name.replace("lh", "rh").replace("-L", "-R")
-    if "shape" in name:
-        write_values(path, np.ones(4), side="left")
-    else:
-        write_surface(path, Surface(*grid(3, 3)), frame=Frame("left"))
-    path.rename(other)
-    words = "metadata are of the left hemisphere, its name is of the right one; .*wb_command -set-structure .*_RIGHT"
-    with pytest.raises(SurfaceError, match=f"{other.name}: its {words}"):
-        frame_of(other)
-    if "shape" in name:
-        with pytest.raises(SurfaceError, match=f"{other.name}: its {words}"):
-            read_values(other)
 
+    def write(path):
+        if "shape" in name:
+            write_values(path, np.ones(4), side="left")
+        else:
+            write_surface(path, FLAT, frame=Frame("left"))
 
-def test_a_name_that_differs_is_not_written_and_both_hemispheres_are_refused(tmp_path):
-    path, surface = tmp_path / "a.surf.gii", Surface(*grid(3, 3))
-    with pytest.raises(SurfaceError, match="rh.a.shape.gii: its metadata are of the left hemisphere"):
-        write_values(tmp_path / "rh.a.shape.gii", np.ones(4), side="left")
-    with pytest.raises(SurfaceError, match="lh.a.npz: its metadata are of the right hemisphere"):
-        write_surface(tmp_path / "lh.a.npz", surface, frame=Frame("right"))
+    words = f"{other.name}: its metadata are of the left hemisphere, its name is of the right one"
+    with pytest.raises(SurfaceError, match=words):
+        write(other)
     assert not list(tmp_path.iterdir())
-    write_surface(path, surface, frame=Frame("left"))
+    write(path)
+    path.rename(other)
+    for read in (frame_of, *([read_values] if "shape" in name else [])):
+        with pytest.raises(SurfaceError, match=f"{words}; .*wb_command -set-structure .*_RIGHT"):
+            read(other)
+
+
+def test_both_hemispheres_are_refused(tmp_path):
+    path = tmp_path / "a.surf.gii"
+    write_surface(path, FLAT, frame=Frame("left"))
     path.write_bytes(path.read_bytes().replace(b"CortexLeft", b"CortexRight", 1))
     with pytest.raises(SurfaceError, match="a.surf.gii: its metadata name both hemispheres; .*-set-structure"):
         frame_of(path)

@@ -40,19 +40,16 @@ def test_values_come_back(tmp_path, name):
 
 def test_mgh_agrees_with_nibabel(tmp_path):
     """Also where FreeSurfer folded a long map; a volume is refused."""
-
-    def voxels(*shape):
-        array = np.arange(np.prod(shape), dtype=np.float32).reshape(shape, order="F")
-        nibabel.save(nibabel.MGHImage(array, np.eye(4)), tmp_path / "lh.a.mgz")
-        return tmp_path / "lh.a.mgz"
-
-    np.testing.assert_array_equal(read_values(voxels(42, 1, 1)), np.arange(42))
-    np.testing.assert_array_equal(read_values(voxels(7, 1, 6)), np.arange(42))
+    path = tmp_path / "lh.a.mgz"
+    for shape in ((42, 1, 1), (7, 1, 6)):
+        nibabel.save(nibabel.MGHImage.from_image(voxels(*shape)), path)
+        np.testing.assert_array_equal(read_values(path), np.arange(42))
+    nibabel.save(nibabel.MGHImage.from_image(voxels(4, 5, 6)), path)
+    with pytest.raises(SurfaceError, match="lh.a.mgz: holds a volume of 4 x 5 x 6.*mri_vol2surf"):
+        read_values(path)
     write_values(tmp_path / "o.mgh", VALUES)
     theirs = nibabel.MGHImage.from_bytes((tmp_path / "o.mgh").read_bytes())
     np.testing.assert_allclose(np.squeeze(theirs.dataobj), VALUES, rtol=1e-6)
-    with pytest.raises(SurfaceError, match="lh.a.mgz: holds a volume of 4 x 5 x 6.*mri_vol2surf"):
-        read_values(voxels(4, 5, 6))
 
 
 @pytest.mark.parametrize("name, words", [
@@ -71,64 +68,56 @@ def test_formats_that_are_not_read_or_written_are_refused_by_name(tmp_path, name
         read_values(tmp_path / name)
 
 
-def image_of(shape, *axes):
-    """A NIfTI, or a CIFTI where there are axes."""
-    voxels = np.zeros(shape, np.float32)
-    return nibabel.Cifti2Image(voxels, axes) if axes else nibabel.Nifti1Image(voxels, np.eye(4))
+def voxels(*shape):
+    array = np.arange(np.prod(shape), dtype=np.float32).reshape(shape, order="F")
+    return nibabel.Nifti1Image(array, np.eye(4))
 
 
 CORTEX = nibabel.cifti2.BrainModelAxis.from_mask(np.ones(9), "CortexLeft")
-
-
-@pytest.mark.parametrize("name, image, words", [
-    ("lh.thickness.nii.gz", image_of((40, 1, 1)), "a surface's map in NIfTI: mri_convert IN OUT.mgh$"),
-    ("lh.long.nii", image_of((40, 1, 6, 3)), "a surface's map in NIfTI: mri_convert IN OUT.mgh$"),
-    ("T1.nii.gz", image_of((4, 5, 6)), "a volume: mri_vol2surf or wb_command -volume-to-surface-mapping$"),
-    ("any.nii", image_of((1, 9), nibabel.cifti2.ScalarAxis(["a"]), CORTEX), "CIFTI holds .*wb_command -cifti-separate"),
-])  # fmt: skip
-def test_three_kinds_of_nifti_have_three_ways(tmp_path, name, image, words):
-    nibabel.save(image, tmp_path / name)
-    for read in (read_values, read_surface):
-        with pytest.raises(SurfaceError, match=f"{name}: .nii files are not read here; {words}"):
-            read(tmp_path / name)
+CIFTI = nibabel.Cifti2Image(np.zeros((1, 9), np.float32), (nibabel.cifti2.ScalarAxis(["a"]), CORTEX))
+PATCH = np.array([-1, 2, 1, 0, 0, 0, -2, 0, 0, 0], ">i4").tobytes()
+QUADS = bytes([0, 0, 4, 0, 0, 1]) + bytes(60)
+NO_MAP = ".nii files are not read here; "
 
 
 @pytest.mark.parametrize("name, content, words", [
-    ("lh.cortex.patch.flat", np.array([-1, 2, 1, 0, 0, 0, -2, 0, 0, 0], ">i4"), "patch.*mris_convert -p IN OUT"),
-    ("lh.white", b"\xff\xff\xff" + bytes([0, 0, 4, 0, 0, 1]) + np.arange(12, dtype=">i2").tobytes(), "quadrangles"),
-    ("lh.pial", b"\xff\xff\xfd" + bytes([0, 0, 4, 0, 0, 1]) + bytes(60), "quadrangles.*: mris_convert IN OUT.surf.gii"),
+    ("lh.thickness.nii.gz", voxels(40, 1, 1), NO_MAP + "a surface's map in NIfTI: mri_convert IN OUT.mgh$"),
+    ("lh.long.nii", voxels(40, 1, 6, 3), NO_MAP + "a surface's map in NIfTI: mri_convert IN OUT.mgh$"),
+    ("T1.nii.gz", voxels(4, 5, 6), NO_MAP + "a volume: mri_vol2surf or wb_command -volume-to-surface-mapping$"),
+    ("any.nii", CIFTI, NO_MAP + "CIFTI holds .*wb_command -cifti-separate"),
+    ("lh.cortex.patch.flat", PATCH, "patch.*mris_convert -p IN OUT"),
+    ("lh.white", b"\xff\xff\xff" + QUADS, "quadrangles"),
+    ("lh.pial", b"\xff\xff\xfd" + QUADS, "quadrangles.*: mris_convert IN OUT.surf.gii"),
     ("lh.midthickness.asc", b"#!ascii version of lh.midthickness\n", "FreeSurfer's text.*mris_convert"),
     ("lh.a.niml.dset", b"<AFNI_dataset>", "AFNI's .*ConvertDset -o_gii -input IN -prefix OUT"),
     ("subject_Lwhite.mesh", b"binarDCBA", "BrainVISA's .*AimsFileConvert -i IN -o OUT.gii"),
 ])  # fmt: skip
 def test_foreign_files_are_named_with_their_converter(tmp_path, name, content, words):
-    (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.tobytes())
+    path = tmp_path / name
+    path.write_bytes(content) if isinstance(content, bytes) else nibabel.save(content, path)
     for read in (read_values, read_surface):
         with pytest.raises(SurfaceError, match=f"{name}: .*{words}"):
-            read(tmp_path / name)
+            read(path)
 
 
-def test_a_map_is_no_surface_and_a_surface_no_map(tmp_path):
-    write_values(tmp_path / "lh.thickness", VALUES)
-    write_values(tmp_path / "lh.a.mgz", VALUES)
-    write_surface(tmp_path / "lh.pial", Surface(np.eye(3), [[0, 1, 2]]))
-    for name, read, words in (
-        ("lh.thickness", read_surface, r"belongs to a surface's vertices \(lh.thickness\).*lh.pial"),
-        ("lh.a.mgz", read_surface, "belongs to a surface's vertices.*give that"),
-        ("lh.pial", read_values, "is a FreeSurfer surface, not values.*lh.thickness"),
-    ):
-        with pytest.raises(SurfaceError, match=f"{name}: .*{words}"):
-            read(tmp_path / name)
+@pytest.mark.parametrize("name, words", [
+    ("lh.thickness", r"belongs to a surface's vertices \(lh.thickness\).*lh.pial"),
+    ("lh.a.mgz", "belongs to a surface's vertices.*give that"), ("a.shape.gii", "not one surface.*.surf.gii"),
+    ("lh.pial", "is a FreeSurfer surface, not values.*lh.thickness"),
+])  # fmt: skip
+def test_a_map_is_no_surface_and_a_surface_no_map(tmp_path, name, words):
+    is_map = name != "lh.pial"
+    (write_values if is_map else write_surface)(tmp_path / name, VALUES if is_map else Surface(np.eye(3), [[0, 1, 2]]))
+    with pytest.raises(SurfaceError, match=f"{name}: .*{words}"):
+        (read_surface if is_map else read_values)(tmp_path / name)
 
 
-@pytest.mark.parametrize("shape", [(4, 1), (1, 4), (4, 1, 1), (1, 1, 4, 1)])
-def test_columns_and_rows_of_one_map_are_that_map(tmp_path, shape):
-    np.save(tmp_path / "v.npy", VALUES.reshape(shape))
-    np.testing.assert_array_equal(read_values(tmp_path / "v.npy"), VALUES)
+def test_columns_and_rows_of_one_map_are_that_map(tmp_path):
+    for shape in ((4, 1), (1, 4), (4, 1, 1), (1, 1, 4, 1)):
+        np.save(tmp_path / "v.npy", VALUES.reshape(shape))
+        np.testing.assert_array_equal(read_values(tmp_path / "v.npy"), VALUES)
     np.save(tmp_path / "v.npy", np.outer(VALUES, [1, 2]).reshape(4, 1, 1, 2))
     assert read_values(tmp_path / "v.npy").shape == (4, 2)
-    (tmp_path / "v.txt").write_text(" ".join(map(str, VALUES)))
-    np.testing.assert_array_equal(read_values(tmp_path / "v.txt"), VALUES)
 
 
 @pytest.mark.parametrize("name, values", [
@@ -185,7 +174,7 @@ def regions(path):
     return [found.labels[key][0] for key in found.values.tolist()]
 
 
-RED, GREEN, BLACK, WHITE = (200, 20, 30), (10, 200, 30), (0, 0, 0), (255, 255, 255)
+RED, GREEN, BLUE, BLACK, WHITE = (200, 20, 30), (10, 200, 30), (30, 20, 200), (0, 0, 0), (255, 255, 255)
 
 
 def annotation(path, colours, entries, indexed=True):
@@ -206,24 +195,20 @@ def annotation(path, colours, entries, indexed=True):
     return path
 
 
-@pytest.mark.parametrize("entries, keys", [
-    ([(2, "c", WHITE), (0, "a", RED), (1, "b", GREEN)], [0, 1, 2, -1]),
-    ([(7, "c", WHITE), (3, "b", GREEN), (0, "a", RED)], [0, 3, 7, -1]),
-    ([(5, "unknown", BLACK), (1, "b", GREEN), (2, "c", WHITE), (4, "a", RED)], [4, 1, 2, -1]),
-    ([(5, "dark", BLACK), (1, "b", GREEN), (2, "c", WHITE), (4, "a", RED)], [4, 1, 2, 5]),
-    ([(1, "b", GREEN), (2, "c", WHITE), (4, "a", RED), (5, "d", RED[::-1]), (6, "e", RED[::-1])], [4, 1, 2, -1]),
+@pytest.mark.parametrize("indexed, entries, keys", [
+    (True, [(2, "c", WHITE), (0, "a", RED), (1, "b", GREEN)], [0, 1, 2, -1]),
+    (True, [(7, "c", WHITE), (3, "b", GREEN), (0, "a", RED)], [0, 3, 7, -1]),
+    (True, [(5, "unknown", BLACK), (1, "b", GREEN), (2, "c", WHITE), (4, "a", RED)], [4, 1, 2, -1]),
+    (True, [(5, "dark", BLACK), (1, "b", GREEN), (2, "c", WHITE), (4, "a", RED)], [4, 1, 2, 5]),
+    (True, [(1, "b", GREEN), (2, "c", WHITE), (4, "a", RED), (5, "d", BLUE), (6, "e", BLUE)], [4, 1, 2, -1]),
+    (False, [(0, "b", GREEN), (1, "a", RED), (2, "c", WHITE)], [1, 0, 2, -1]),
 ])  # fmt: skip
-def test_an_annotations_names_belong_to_indices(tmp_path, entries, keys):
-    """In any order and with gaps; two unused regions may have one colour; black is none, but for a
-    region of that colour."""
-    path = annotation(tmp_path / "lh.a.annot", [RED, GREEN, WHITE, BLACK], entries)
+def test_an_annotations_names_belong_to_indices(tmp_path, indexed, entries, keys):
+    """In any order and with gaps, as in the first version; two unused regions may have one colour; black
+    is none, but for a region of that colour."""
+    path = annotation(tmp_path / "lh.a.annot", [RED, GREEN, WHITE, BLACK], entries, indexed)
     assert read_values(path).tolist() == keys
     assert regions(path) == ["a", "b", "c", "dark" if 5 in keys else "???"]
-
-
-def test_an_annotation_of_the_first_version_is_read(tmp_path):
-    path = annotation(tmp_path / "lh.a.annot", [GREEN, RED], [(0, "a", RED), (1, "b", GREEN)], indexed=False)
-    assert regions(path) == ["b", "a"]
 
 
 @pytest.mark.parametrize("entries, words", [
