@@ -1,5 +1,4 @@
-"""Workbench as the judge of what is written: it opens every file, knows what each is, and misses
-nothing."""
+"""Workbench as the judge of what is written: it opens every file, knows what each is, and misses nothing."""
 
 import re
 
@@ -42,29 +41,19 @@ def test_surfaces_say_what_they_are(folder, name, kind):
     assert (low + high) / 2 == pytest.approx(centre, abs=0.01)
 
 
-def test_what_is_missing_is_seen(folder):
-    """The test would find it: a file without words for its kind and its side."""
-    write_surface(folder / "plain.surf.gii", BALL)
-    assert len(unknown(workbench("-file-information", folder / "plain.surf.gii"))) == 3
-
-
 @pytest.mark.parametrize("name", ["lh.a.shape.gii", "lh.a.func.gii"])
-def test_maps_have_a_side_and_names(folder, name):
-    write_values(folder / name, np.linspace(0, 1, 2 * COUNT).reshape(COUNT, 2), names=["one", "two"])
-    told = workbench("-file-information", folder / name)
-    assert unknown(told) == [] and re.search(f"^Number of Vertices: +{COUNT}", told, re.MULTILINE)
-    assert re.findall(r"(\w+) *$", told[told.index("Map Name") :].strip(), re.MULTILINE)[1:] == ["one", "two"]
-
-
-def test_whole_numbers_are_a_metric_where_the_name_says_so(folder):
-    write_values(folder / "lh.a.func.gii", np.arange(COUNT) % 5 - 1)
-    assert unknown(workbench("-file-information", folder / "lh.a.func.gii")) == []
+def test_maps_have_a_side_and_names_and_may_be_of_whole_numbers(folder, name):
+    maps = np.stack([np.linspace(0, 1, COUNT), np.arange(COUNT) % 5 - 1], axis=1)
+    for values in (maps, np.int64(5 * maps)):
+        write_values(folder / name, values, names=["one", "two"])
+        told = workbench("-file-information", folder / name)
+        assert unknown(told) == [] and re.search(f"^Number of Vertices: +{COUNT}", told, re.MULTILINE)
+        assert re.findall(r"(\w+) *$", told[told.index("Map Name") :].strip(), re.MULTILINE)[1:] == ["one", "two"]
 
 
 @pytest.mark.parametrize("first", ["unknown", "insula"])
 def test_labels_have_no_key_below_0(folder, first):
-    """Of an annotation in which some vertices have none: nothing is merged, and what is none shows
-    nothing."""
+    """Of an annotation in which some vertices have none: nothing is merged, and what is none shows nothing."""
     table = np.array([[25, 5, 25, 0, 0], [100, 20, 30, 0, 0], [20, 220, 60, 0, 0]])
     names = [first, "cuneus", "lingual"]
     nibabel.freesurfer.write_annot(folder / "lh.a.annot", np.arange(COUNT) % 4 - 1, table, names, fill_ctab=True)
@@ -77,20 +66,12 @@ def test_labels_have_no_key_below_0(folder, first):
 
 
 def test_a_carried_map_is_smoothed_on_the_surface_with_its_cortex(folder):
-    """What `open` and `transfer` write goes together: one structure, one count, and a region of
-    interest."""
+    """What `open` and `transfer` write goes together: one structure, one count, and a region of interest."""
     write_surface(folder / "a.surf.gii", read_surface(folder / "lh.pial"), frame=frame_of(folder / "lh.pial"))
     cortex = (BALL.vertices[:, 2] > -0.8).astype(np.float32)
     write_values(folder / "cortex.shape.gii", cortex, side="left")
     write_values(folder / "a.shape.gii", cortex * (2 + BALL.vertices[:, 0]), side="left")
-    words = (
-        folder / "a.surf.gii",
-        folder / "a.shape.gii",
-        4,
-        folder / "b.shape.gii",
-        "-roi",
-        folder / "cortex.shape.gii",
-    )
-    workbench("-metric-smoothing", *words)
-    smooth = read_map(folder / "b.shape.gii")
+    surface, carried, smoothed = (folder / name for name in ("a.surf.gii", "a.shape.gii", "b.shape.gii"))
+    workbench("-metric-smoothing", surface, carried, 4, smoothed, "-roi", folder / "cortex.shape.gii")
+    smooth = read_map(smoothed)
     assert smooth.side == "left" and np.ptp(smooth.values[cortex > 0]) > 1
