@@ -10,16 +10,11 @@ registration above the best Moebius map), silent (not finite), raw (another exce
 """
 
 import argparse
-import json
-import os
+import multiprocessing
 import resource
-import signal
-import tempfile
-import time
 import warnings
 from collections import Counter
 from fractions import Fraction
-from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
@@ -49,21 +44,11 @@ def turns(a, b, c):
     return sign
 
 
-def rim(faces):
-    """The boundary loop, along its faces."""
-    edges = {(int(face[k]), int(face[(k + 1) % 3])) for face in faces for k in range(3)}
-    following = {u: v for u, v in edges if (v, u) not in edges}
-    loop = [min(following)]
-    while following[loop[-1]] != loop[0]:
-        loop.append(following[loop[-1]])
-    return np.array(loop)
-
-
 def is_embedding(faces, f):
     """Exactly: every face keeps its orientation, and no two edges of the rim meet but neighbours."""
-    if not (turns(*f[np.asarray(faces)].T) > 0).all():
+    if not (turns(*f[faces].T) > 0).all():
         return False
-    w = f[rim(faces)]
+    w = f[Disk(f, faces).loop]
     i, j = np.triu_indices(len(w), 2)  # edges that are no neighbours
     apart = (i > 0) | (j < len(w) - 1)
     i, j, after = i[apart], j[apart], np.roll(w, -1)
@@ -81,9 +66,8 @@ def disk(rng, low, high):
     in clumps."""
     while True:
         n = int(np.exp(rng.uniform(np.log(low), np.log(high))))
-        angles = np.sort(
-            rng.choice([rng.uniform(size=n), rng.beta(0.4, 0.4, n), np.arange(n) / n])[:: max(1, int(np.sqrt(n) / 4))]
-        )
+        on_rim = rng.choice([rng.uniform(size=n), rng.beta(0.4, 0.4, n), np.arange(n) / n])
+        angles = np.sort(on_rim[:: max(1, int(np.sqrt(n) / 4))])
         inner = np.sqrt(rng.uniform(size=n)) if rng.random() < 0.6 else 1 - 10.0 ** rng.uniform(-5, -0.1, n)
         points = inner * np.exp(2j * np.pi * rng.uniform(size=n))
         if rng.random() < 0.3:
@@ -92,39 +76,42 @@ def disk(rng, low, high):
         faces = Delaunay(np.stack([z.real, z.imag], axis=1)).simplices
         signs = turns(*z[faces].T)
         faces = np.where((signs < 0)[:, None], faces[:, ::-1], faces)[signs != 0]
+        used, corners = np.unique(faces, return_inverse=True)
+        z, corners = z[used], corners.reshape(-1, 3)
+        surface = qc.Surface(np.stack([z.real, z.imag, 0 * z.real], axis=1), corners)
         try:
-            used, corners = np.unique(faces, return_inverse=True)
-            corners = corners.reshape(-1, 3)
-            qc.require_disk(qc.Surface(np.stack([z[used].real, z[used].imag, 0 * used], axis=1), corners))
+            qc.require_disk(surface)
         except qc.SurfaceError:
             continue
-        on_circle = np.abs(abs(z[used][rim(corners)]) - 1).max() < 1e-12
-        if on_circle and is_embedding(corners, z[used]):
-            return z[used], corners
+        if np.abs(abs(z[surface.boundary]) - 1).max() < 1e-12 and is_embedding(corners, z):
+            return z, corners
 
 
 def beltrami_case(rng):
     z, faces = disk(rng, 30, 3000)
-    size, centre = rng.choice([0.1, 0.5, 0.9, 0.99]), z[faces].mean(axis=1)
-    turn = np.exp(2j * np.pi * rng.uniform(size=len(faces)))
-    random = np.sqrt(rng.uniform(size=len(faces))) * turn
+    size, centre, count = rng.choice([0.1, 0.5, 0.9, 0.99]), z[faces].mean(axis=1), len(faces)
+    random = np.sqrt(rng.uniform(size=count)) * np.exp(2j * np.pi * rng.uniform(size=count))
     rim = abs(centre) ** 6 * np.exp(2j * np.angle(centre))
-    mu = size * rng.choice([np.ones(len(faces)), np.exp(4j * centre.real), random, rim])
+    mu = size * rng.choice([np.ones(count), np.exp(4j * centre.real), random, rim])
     f = qc.solve_beltrami_disk(z, faces, mu)
     return faces, f, qc.check_bijective(z, faces, f).bijective, False
+
+
+def cap(z, angle):
+    """Points of the unit sphere over a disk (complex), the rim at an angle from the pole."""
+    q = abs(z) * angle
+    return np.stack([np.sin(q) * np.cos(np.angle(z)), np.sin(q) * np.sin(np.angle(z)), np.cos(q)], 1)
 
 
 def lifted(rng, z):
     """Points in space over a disk: hills, a roll, a tongue, a bulb, noise, tiny, huge or far away."""
     x, y, kind = z.real, z.imag, rng.integers(8)
     hills = sum(rng.normal() * np.sin(rng.normal() * 6 * x + rng.normal() * 6 * y) for _ in range(5))
-    t, q = rng.uniform(2, 20) * (x + 1.5), abs(z) * np.pi * rng.uniform(0.5, 0.999)
-    roll = np.stack([t * np.cos(t), t * np.sin(t), 3 * y], 1)
-    bulb = np.stack([np.sin(q) * np.cos(np.angle(z)), np.sin(q) * np.sin(np.angle(z)), np.cos(q)], 1)
-    plain = np.stack([x, y, hills], axis=1)
-    tongue, noisy = np.stack([x * 10.0 ** rng.uniform(1, 4), y, 0.1 * hills], 1), rng.normal(size=plain.shape) * 0.3
+    t, bulb = rng.uniform(2, 20) * (x + 1.5), cap(z, np.pi * rng.uniform(0.5, 0.999))
+    plain, roll = np.stack([x, y, hills], 1), np.stack([t * np.cos(t), t * np.sin(t), 3 * y], 1)
+    tongue, noisy = plain * [10.0 ** rng.uniform(1, 4), 1, 0.1], plain + rng.normal(size=plain.shape) * 0.3
     tiny, huge, far = 10.0 ** -rng.uniform(3, 150), 10.0 ** rng.uniform(3, 150), 10.0 ** rng.uniform(2, 12)
-    return [plain, roll, tongue, bulb, plain + noisy, plain * tiny, plain * huge, plain + far][kind]
+    return [plain, roll, tongue, bulb, noisy, plain * tiny, plain * huge, plain + far][kind]
 
 
 def conformal_case(rng):
@@ -135,8 +122,7 @@ def conformal_case(rng):
 def fit_case(rng):
     z, faces = disk(rng, 150, 2000)
     m, kind = int(rng.integers(1, 30)), rng.integers(6)
-    p = 0.9 * np.sqrt(rng.uniform(size=m)) * np.exp(2j * np.pi * rng.uniform(size=m))
-    far = 0.9 * np.sqrt(rng.uniform(size=m)) * np.exp(2j * np.pi * rng.uniform(size=m))
+    p, far = 0.9 * np.sqrt(rng.uniform(size=(2, m))) * np.exp(2j * np.pi * rng.uniform(size=(2, m)))
     twist = p * np.exp(2j * (1 - abs(p)) * rng.uniform(0.5, 4))
     q = [p + 0.03 * np.exp(3j * p.real), twist, rng.permutation(p), -p, 0.01 * p, far][kind]
     fit = qc.fit_landmarks(z, faces, p, q, gamma=10.0 ** rng.uniform(2, 8))
@@ -155,19 +141,14 @@ def register_case(rng):
     sides = []
     for _ in range(2):
         z, faces = disk(rng, 200, 1200)
-        q, h = 2.2 * abs(z), 1 + 0.1 * np.sin(5 * rng.normal() * z.real)
-        points = 50 * np.stack(
-            [h * np.sin(q) * np.cos(np.angle(z)), h * np.sin(q) * np.sin(np.angle(z)), h * np.cos(q)], 1
-        )
+        points = 50 * (1 + 0.1 * np.sin(5 * rng.normal() * z.real))[:, None] * cap(z, 2.2)
         surface = qc.Surface(points, faces)
         sides.append(surface if surface.volume > 0 else qc.Surface(points * [1, 1, -1], faces[:, ::-1]))
     curves, rims = [], rng.random() < 0.2
     for k in range(int(rng.integers(1, 6))):
-        ends = {
-            name: rng.choice(side.boundary if rims else len(side.vertices), 2, replace=False).tolist()
-            for name, side in zip(("moving", "control"), sides)
-        }
-        curves.append({"name": f"c{k}", **ends})
+        choices = [side.boundary if rims else len(side.vertices) for side in sides]
+        moving, control = (rng.choice(choice, 2, replace=False).tolist() for choice in choices)
+        curves.append({"name": f"c{k}", "moving": moving, "control": control})
     problems = []  # of landmarks, as they are stated
     with patch("qclearn.registration.start.Problem", lambda *a, **k: problems.append(Problem(*a, **k)) or problems[-1]):
         result = qc.register(*sides, {"curves": curves}, features=None, accept_suspect=True)
@@ -195,23 +176,25 @@ def verdict(kind, seed, number):
     return ("worse" if worse else "certified" if claim else "folded"), ""
 
 
-def forked(kind, seed, number, answer):
-    """`verdict` in a process with limits, by way of the file `answer`; ("hang", "") or ("crash", "")
-    without it."""
-    child = os.fork()
-    if not child:
-        os.setsid()
-        resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
-        answer.write_text(json.dumps(verdict(kind, seed, number)))
-        os._exit(0)
-    end = time.monotonic() + SECONDS
-    while os.waitpid(child, os.WNOHANG)[0] == 0:
-        if time.monotonic() > end:
-            os.killpg(child, signal.SIGKILL)
-            os.waitpid(child, 0)
-            return "hang", ""
-        time.sleep(0.002)
-    return json.loads(answer.read_text()) if answer.exists() else ("crash", "")
+def limited(send, *case):
+    """Send the verdict of a case within the limit of addresses."""
+    resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
+    send.send(verdict(*case))
+
+
+def forked(*case):
+    """`verdict` in a process with limits; ("hang", "") or ("crash", "") without it."""
+    receive, send = multiprocessing.get_context("fork").Pipe(duplex=False)
+    child = multiprocessing.get_context("fork").Process(target=limited, args=(send, *case))
+    child.start()
+    send.close()
+    try:
+        return receive.recv() if receive.poll(SECONDS) else ("hang", "")
+    except EOFError:
+        return "crash", ""
+    finally:
+        child.kill()
+        child.join()
 
 
 def main():
@@ -220,12 +203,11 @@ def main():
     parser.add_argument("count", type=int)
     parser.add_argument("--seed", type=int, default=0)
     options, count = parser.parse_args(), Counter()
-    with tempfile.TemporaryDirectory() as folder:
-        for number in range(options.count):
-            found, text = forked(options.kind, options.seed, number, Path(folder, str(number)))
-            count[found] += 1
-            if found in FAULTS:
-                print(number, found, text[:300], flush=True)
+    for number in range(options.count):
+        found, text = forked(options.kind, options.seed, number)
+        count[found] += 1
+        if found in FAULTS:
+            print(number, found, text[:300], flush=True)
     print(dict(count))
     raise SystemExit(bool(FAULTS & set(count)))
 
