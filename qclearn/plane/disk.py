@@ -101,16 +101,11 @@ class Disk:
         """The boundary vertices, counter-clockwise, from the smallest index; BeltramiError unless
         it is one loop."""
         rim = self.open_halfedges
-        tails, heads = (
-            part.ravel()[rim].tolist() for part in (self.faces, np.roll(self.faces, -1, axis=1))
-        )
-        following = dict(zip(tails, heads))
-        loop = [min(following, default=None)]
-        while len(loop) <= len(following) and following.get(loop[-1]) != loop[0]:
-            loop.append(following.get(loop[-1]))
-        if len(following) != len(rim) or len(loop) != len(following):
+        ends = np.stack([self.faces, np.roll(self.faces, -1, axis=1)], axis=-1).reshape(-1, 2)[rim]
+        loops = closed_loops(ends)
+        if len(loops) != 1 or len(loops[0]) != len(rim):
             raise BeltramiError("the faces do not form a disk with one simple boundary loop")
-        return np.array(loop)
+        return loops[0]
 
     @cached_property
     def open_halfedges(self):
@@ -325,6 +320,20 @@ class Disk:
                 f"(first: {self.flipped[:5].tolist()}): a map of it cannot be certified"
             )
         return self.at(f).certificate
+
+
+def closed_loops(halfedges):
+    """The loops that directed edges (B, 2) form, each from its smallest vertex, in their order."""
+    following = dict(halfedges.tolist())
+    loops = []
+    for start in sorted(following):
+        if start in following:
+            loop = [start]
+            # Edges of no closed loop end where no edge goes on.
+            while (vertex := following.pop(loop[-1], None)) not in (start, None):
+                loop.append(vertex)
+            loops.append(read_only(np.array(loop, dtype=np.int64)))
+    return loops
 
 
 def pairs(z):

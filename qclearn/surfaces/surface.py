@@ -14,6 +14,7 @@ from scipy.sparse import csc_array, csr_array
 from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 
 from ..plane.checks import SurfaceError, check_faces, read_only
+from ..plane.disk import closed_loops
 from ..plane.linear import around_vertices, cotangent_stiffness, edge_lengths
 from .checks import (
     check_shapes,
@@ -70,15 +71,7 @@ class Surface:
     def boundary_loops(self) -> list[Integer[ndarray, " _"]]:
         """The boundary's loops by their smallest vertices, where they start; the surface is left,
         seen from outside."""
-        following = dict(self._boundary_halfedges.tolist())
-        loops = []
-        for start in sorted(following):
-            if start in following:
-                loop = [start]
-                while (vertex := following.pop(loop[-1])) != start:
-                    loop.append(vertex)
-                loops.append(read_only(np.array(loop, dtype=np.int64)))
-        return loops
+        return closed_loops(self._boundary_halfedges)
 
     @cached_property
     def boundary(self) -> Integer[ndarray, " B"]:
