@@ -1,5 +1,4 @@
-"""What may not happen to files that students get: lines of solutions in them, and questions that
-differ from page to notebook."""
+"""What may not happen to files that students get: lines of solutions, and questions other than the page's."""
 
 import html
 import json
@@ -48,8 +47,7 @@ def strings(value):
 
 
 def text_of(path):
-    """What can be read in a file: all of it, and once more without tags, which stand in lines of
-    highlighted code."""
+    """What can be read in a file: all of it, and once more without tags, which stand in lines of highlighted code."""
     text = path.read_text(encoding="utf-8")
     if path.suffix in (".ipynb", ".json"):
         text = "\n".join(strings(json.loads(text)))
@@ -68,15 +66,13 @@ def of(notebook, part):
 
 
 def squeezed(text):
-    """Words alone: no links, emphasis or typographic quotes, as they differ between a page and a
-    notebook."""
+    """Words alone: no links, emphasis or typographic quotes, as they differ between a page and a notebook."""
     text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text).replace("*", "")
     return " ".join(text.translate(str.maketrans("‘’“”", "''\"\"")).split())
 
 
 def drift(page, student):
-    """The exercises of a student's notebook whose words or blank a plain copy of their page does
-    not have."""
+    """The exercises of a student's notebook whose words or blank a plain copy of their page does not have."""
     text = squeezed("\n".join(cell.source for cell in page.cells if cell.cell_type == "markdown"))
     for question, answer in zip(of(student, "question"), of(student, "answer")):
         name, words = question.metadata["exercise"], question.source.split("\n\n", 2)[2]

@@ -1,10 +1,7 @@
-"""The shapes that the public functions are annotated with, held to whenever a test calls one of
-them.
+"""The shapes that the public functions are annotated with, held to whenever a test calls one of them.
 
-Whatever NumPy takes for such an array counts as one, and numbers of a narrower kind too (integers
-as real numbers, real numbers as complex ones). What an annotation does not admit, the library has
-to refuse by an error of its own: a call that comes back all the same is a ShapeError, as is a
-result of another shape than announced.
+Whatever NumPy takes for such an array counts as one, and numbers of a narrower kind too. What an annotation does not
+admit, the library has to refuse itself: a call that comes back is a ShapeError, as is a result of another shape.
 """
 
 import inspect
@@ -49,8 +46,7 @@ def admits(hint, value):
 
 
 def kind(value):
-    """All that an annotation can say of a value: type, kind of numbers and shape; of a tuple or
-    list, of its items."""
+    """All that an annotation can say of a value, or of a collection's items: type, kind of numbers and shape."""
     if isinstance(value, tuple | list):
         return type(value), tuple(map(kind, value))
     if isinstance(value, Mapping):
@@ -59,8 +55,7 @@ def kind(value):
 
 
 def held(function):
-    """The function with its arguments and its result held to its annotations; each kind of call is
-    judged once."""
+    """The function with arguments and result held to its annotations; each kind of call is judged once."""
     signature, hints, right = inspect.signature(function), get_type_hints(function), set()
     result_hint = hints.pop("return", None)
     for parameter in signature.parameters.values():
@@ -88,28 +83,30 @@ def held(function):
     return call
 
 
-def members_of(cls):
-    """What a class and those that it inherits from, all of one package, have: (class, name,
-    member), its own last."""
-    house = cls.__module__.split(".")[0]
-    owners = [owner for owner in reversed(cls.__mro__) if owner.__module__.split(".")[0] == house]
-    return [(owner, name, member) for owner in owners for name, member in vars(owner).items()]
+def functions_of(cls):
+    """What a class and those that it inherits from, all of one package, offer, its making included:
+    (class, name, member, the member's function), its own last."""
+    house, found = cls.__module__.split(".")[0], []
+    for owner in reversed(cls.__mro__):
+        if owner.__module__.split(".")[0] == house:
+            for name, member in vars(owner).items():
+                function = getattr(member, "fget", None) or getattr(member, "func", member)
+                if inspect.isfunction(function) and (name == "__init__" or not name.startswith("_")):
+                    found.append((owner, name, member, function))
+    return found
 
 
 def hold_class(cls):
     """A class with its making and its public methods held to their annotations, inherited ones too."""
-    for owner, name, member in members_of(cls):
+    for owner, name, member, function in functions_of(cls):
         if isinstance(member, cached_property):
-            member.func = held(member.func)
-        elif isinstance(member, property):
-            setattr(owner, name, property(held(member.fget)))
-        elif inspect.isfunction(member) and (name == "__init__" or not name.startswith("_")):
-            setattr(owner, name, held(member))
+            member.func = held(function)
+        else:
+            setattr(owner, name, property(held(function)) if isinstance(member, property) else held(function))
 
 
 def hold(package):
-    """Hold all that `package.__all__` names to its annotations, wherever its modules have it in
-    hand."""
+    """Hold all that `package.__all__` names to its annotations, wherever its modules have it in hand."""
     offered = [getattr(package, name) for name in package.__all__]  # first: this loads the modules
     modules = [module for name, module in sys.modules.items() if name.split(".")[0] == package.__name__]
     for public in offered:

@@ -1,5 +1,4 @@
-"""What others install: the wheel alone in an environment that holds nothing else,
-and an sdist from which it can be built."""
+"""What others install: the wheel alone in an environment that holds nothing else, and an sdist that makes it."""
 
 import json
 import os
@@ -27,25 +26,16 @@ def packages(tmp_path_factory):
 
 
 def test_the_packages_carry_the_version(packages):
-    assert [path.name for path in packages] == [
-        f"qclearn-{PROJECT['version']}.tar.gz",
-        f"qclearn-{PROJECT['version']}-py3-none-any.whl",
-    ]
+    name = f"qclearn-{PROJECT['version']}"
+    assert [path.name for path in packages] == [f"{name}.tar.gz", f"{name}-py3-none-any.whl"]
 
 
-def test_the_wheel_carries_the_browser_modules_of_the_book(packages):
-    """A notebook downloaded from the site finds its explorables in the package."""
+def test_the_wheel_carries_what_explorables_and_reports_are_made_of(packages):
     with zipfile.ZipFile(packages[1]) as archive:
-        carried = {Path(name).name for name in archive.namelist() if name.startswith("qcbook/browser/")}
-    wanted = {path.name for path in MODULES.iterdir() if path.suffix in (".js", ".wasm", ".css")}
-    assert "lab.js" in wanted and wanted <= carried
-
-
-def test_the_wheel_carries_what_reports_are_made_of(packages):
-    with zipfile.ZipFile(packages[1]) as archive:
-        carried = {name for name in archive.namelist() if name.startswith("qclearn/reports/templates/")}
+        carried = set(archive.namelist())
+    modules = {f"qcbook/browser/{path.name}" for path in MODULES.iterdir() if path.suffix in (".js", ".wasm", ".css")}
     wanted = {path.relative_to(ROOT).as_posix() for path in (ROOT / "qclearn" / "reports" / "templates").iterdir()}
-    assert "qclearn/reports/templates/page.html" in wanted and wanted == carried
+    assert {"qcbook/browser/lab.js", "qclearn/reports/templates/page.html"} < modules | wanted <= carried
 
 
 def test_the_wheel_runs_the_readmes_example_as_printed_without_what_extras_bring(packages, tmp_path):
@@ -70,27 +60,12 @@ def test_the_wheel_runs_the_readmes_example_as_printed_without_what_extras_bring
 def test_the_wheel_runs_the_demo_in_a_bare_environment(packages, tmp_path):
     venv.create(tmp_path / "bare")
     bare = tmp_path / "bare" / ("Scripts" if os.name == "nt" else "bin")
-    pip = sys.executable, "-m", "pip", "--python", bare / "python"
-    run_outside(
-        *pip,
-        "install",
-        "--quiet",
-        "--no-compile",
-        "--disable-pip-version-check",
-        "-c",
-        ROOT / "constraints.txt",
-        packages[1],
-        cwd=tmp_path,
-    )
+    pip = sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", bare / "python"
+    wanted = "-c", ROOT / "constraints.txt", packages[1]
+    run_outside(*pip, "install", "--quiet", "--no-compile", *wanted, cwd=tmp_path)
     installed = {row["name"].lower() for row in json.loads(run_outside(*pip, "list", "--format=json", cwd=tmp_path))}
-    assert "qclearn" in installed and not installed & {
-        "torch",
-        "numba",
-        "scikit-image",
-        "distributed",
-        "jupyterlab",
-        "pytest",
-    }
+    brought = {"torch", "numba", "scikit-image", "distributed", "jupyterlab", "pytest"}
+    assert "qclearn" in installed and not installed & brought
     run_outside(bare / "qclearn", "demo", cwd=tmp_path)
     report = json.loads((tmp_path / "qclearn-demo" / "report.json").read_text(encoding="utf-8"))
     assert report["bijective"] and report["version"] == PROJECT["version"]

@@ -1,5 +1,4 @@
-"""What is committed: notebooks without outputs, with short cells and narrow code, and no trace of
-anybody's machine."""
+"""What is committed: notebooks without outputs, with short cells and narrow code, and no trace of anybody's machine."""
 
 import ast
 import re
@@ -26,8 +25,7 @@ ORDER = ast.Lt, ast.LtE, ast.Gt, ast.GtE
 
 
 def absolute_limits(source):
-    """Comparisons of a time or memory with a number; a sign, and ten seconds of waiting, hold on
-    every machine."""
+    """Comparisons of a time or memory with a number; a sign, and ten seconds of waiting, hold on every machine."""
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Compare) and MEASURED.search(text := ast.unparse(node)):
             smallest = 10 if "perf_counter" in text else float("inf")
@@ -38,10 +36,8 @@ def absolute_limits(source):
 
 
 def test_no_test_depends_on_the_speed_or_the_memory_of_a_machine():
-    found = {
-        path.name: list(absolute_limits(path.read_text(encoding="utf-8"))) for path in (ROOT / "tests").rglob("*.py")
-    }
-    assert {name: limits for name, limits in found.items() if limits} == {}
+    texts = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("*.py")}
+    assert {name: limits for name, text in texts.items() if (limits := list(absolute_limits(text)))} == {}
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
@@ -55,20 +51,15 @@ def test_notebook_is_committed_without_outputs(path):
     assert "widgets" not in notebook.metadata
 
 
-def named(call):
-    """The function of a call, without its module."""
-    return getattr(call.func, "id", getattr(call.func, "attr", ""))
-
-
 def test_pages_grow_subjects_of_the_generation_that_was_measured():
-    """A page that reads kept figures may not lay them beside subjects of the generator's newest
-    generation."""
+    """A page that reads kept figures may not lay them beside subjects of the generator's newest generation."""
     asked = {}
     for path in NOTEBOOKS:
         sources = [cell.source for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"]
         if any("read_measured(" in source for source in sources):
             calls = [node for source in sources for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)]
-            grown = [call for call in calls if named(call) in ("hemispheres", "mapped_subject")]
+            names = [getattr(call.func, "id", getattr(call.func, "attr", "")) for call in calls]
+            grown = [call for call, name in zip(calls, names) if name in ("hemispheres", "mapped_subject")]
             asked |= {path.stem: ["generation" in [word.arg for word in call.keywords] for call in grown]}
     assert {"benchmark", "ldnet"} <= {page for page, calls in asked.items() if calls}
     assert [page for page, calls in asked.items() if not all(calls)] == []
@@ -86,30 +77,18 @@ def test_cells_are_short_and_visible_ones_have_few_imports(path):
     assert {name: count for name, count in imports.items() if count > MOST_IMPORTS} == {}
 
 
-def code_of(cell, number):
-    """(place, code) of a cell: its own, or that of the solutions in its text."""
-    if cell.cell_type == "code":
-        return [(f"cell {number}", cell.source)]
-    return [(f"cell {number}, solution of {exercise}", code) for exercise, code, _ in solutions_in(cell.source)]
-
-
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_code_is_narrow(path):
-    cells = nbformat.read(path, as_version=4).cells
-    wide = [
-        (place, line)
-        for number, cell in enumerate(cells, 1)
-        for place, code in code_of(cell, number)
-        for line in code.splitlines()
-        if len(line) > WIDEST_LINE
-    ]
-    assert wide == []
+def test_code_of_cells_and_of_solutions_is_narrow(path):
+    codes = []
+    for cell in nbformat.read(path, as_version=4).cells:
+        solved = [code for _, code, _ in solutions_in(cell.source)]
+        codes += [cell.source] if cell.cell_type == "code" else solved
+    assert [line for code in codes for line in code.splitlines() if len(line) > WIDEST_LINE] == []
 
 
 NAMED = re.compile(r"(?<![\w./-])(?:qclearn|data_synth|tests|book)/[\w./-]*\w")
 GUIDES = [ROOT / "CONTRIBUTING.md", *(ROOT / folder / "README.md" for folder in (".", "book/builder", "book/studies"))]
-# What a guide warns of, what the reader of the page 'How to add a network' would write, and what an
-# older commit has.
+# What a guide warns of, what the reader of the page 'How to add a network' would write, and what an older commit has.
 NOT_THERE = {"book/_static", "qclearn/nets/ringnet.py", "tests/nets/test_ringnet.py"}
 
 

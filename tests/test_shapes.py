@@ -10,53 +10,37 @@ from numpy import ndarray
 from scipy import sparse
 
 import qclearn as qc
-from shapes import ShapeError, members_of
+from shapes import ShapeError, functions_of
 
 PUBLIC = [getattr(qc, name) for name in qc.__all__]
 
 
-def functions_of(public):
-    """Pairs (name, function): a function itself, or what a class offers, its making included."""
-    if inspect.isfunction(public):
-        yield public.__name__, public
-    elif not issubclass(public, Exception):
-        for _, name, member in members_of(public):
-            member = getattr(member, "fget", None) or getattr(member, "func", member)
-            if inspect.isfunction(member) and (name == "__init__" or not name.startswith("_")):
-                yield f"{public.__name__}.{name}", member
-
-
-FUNCTIONS = dict(pair for public in PUBLIC for pair in functions_of(public))
-
-
-def parts(hint):
-    """An annotation and all that it is made of."""
-    yield hint
-    for inner in get_args(hint):
-        yield from parts(inner)
+CLASSES = [public for public in PUBLIC if inspect.isclass(public)]
+METHODS = {
+    f"{cls.__name__}.{name}": function
+    for cls in CLASSES
+    for _, name, _, function in functions_of(cls)
+    if not issubclass(cls, Exception)
+}
+FUNCTIONS = METHODS | {public.__name__: public for public in PUBLIC if inspect.isfunction(public)}
 
 
 def without_shape(hint):
-    """Whether an annotation has an array in it of which nothing says the shape."""
-    return any(part in (ndarray, np.generic) or is_sparse(part) for part in parts(hint))
-
-
-def is_sparse(part):
-    return inspect.isclass(part) and issubclass(part, sparse.sparray) and not issubclass(part, AbstractArray)
+    """Whether an annotation, or a part of it, is an array of which nothing says the shape."""
+    bare = inspect.isclass(hint) and issubclass(hint, sparse.sparray) and not issubclass(hint, AbstractArray)
+    return bare or hint in (ndarray, np.generic) or any(map(without_shape, get_args(hint)))
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_every_argument_and_result_is_annotated_and_every_array_has_a_shape(name):
     function = FUNCTIONS[name]
     hints = get_type_hints(function)
-    expected = set(inspect.signature(function).parameters) - {"self"} | (
-        {"return"} if "__init__" not in name else set()
-    )
-    assert set(hints) >= expected
+    expected = {*inspect.signature(function).parameters, "return"}
+    assert set(hints) >= expected - {"self", "return" if "__init__" in name else ""}
     assert [key for key, hint in hints.items() if without_shape(hint)] == []
 
 
-@pytest.mark.parametrize("cls", [public for public in PUBLIC if inspect.isclass(public)])
+@pytest.mark.parametrize("cls", CLASSES)
 def test_every_array_of_a_public_class_has_a_shape(cls):
     assert [name for name, hint in get_type_hints(cls).items() if without_shape(hint)] == []
 

@@ -1,5 +1,4 @@
-"""The prose of a page without formulas, code and computed numbers, and the numbers in it that look
-like results."""
+"""The prose of a page without formulas, code and computed numbers, and the numbers in it that look like results."""
 
 import re
 from functools import cache
@@ -8,8 +7,7 @@ from pathlib import Path
 import nbformat
 
 MASK = "\N{WHITE SQUARE}"
-# In this order: what is fenced goes before what is between dollars, that before what is between
-# backticks.
+# In this order: what is fenced goes before what is between dollars, that before what is between backticks.
 NO_PROSE = [
     # code; the fences of directives have braces behind their backticks
     r"(?s)^(?P<f>`{3,})\w*[ \t]*\n.*?^(?P=f)[ \t]*$",
@@ -55,8 +53,7 @@ def prose(text):
 
 
 def typed_results(text, literals):
-    """(numbers that look like results and stand in no literal, each with what is around it;
-    literals that are not there)."""
+    """(numbers that look like results and stand in no literal, with what is around them; literals that are missing)."""
     text = prose(text)
     unused = [phrase for phrase in literals if phrase not in text]
     for phrase in sorted(literals, key=len, reverse=True):

@@ -1,5 +1,4 @@
-"""Each term of the glossary is a link where the book first uses it, and the page on notation has
-the book's symbols."""
+"""Each term of the glossary is a link where the book first uses it; the page on notation has the book's symbols."""
 
 import re
 from collections import defaultdict
@@ -53,13 +52,12 @@ def prose_of(text):
 
 
 def uses(text, found, pattern):
-    """(place, words, name of the term, name that its link leads to or None) in the order of the
-    text."""
+    """(words, name of the term, name that its link leads to or None) in the order of the text."""
     prose = prose_of(text)
     links = {match.start(1) + i: match[2] for match in LINK.finditer(prose) for i in range(len(match[1]))}
     prose = LINK.sub(lambda match: f" {match[1]}".ljust(len(match[0])), prose)
     for match in pattern.finditer(prose):
-        yield (match.start(), match[0], found[" ".join(match[1].lower().split())], links.get(match.start()))
+        yield match[0], found[" ".join(match[1].lower().split())], links.get(match.start())
 
 
 def first_uses():
@@ -67,7 +65,7 @@ def first_uses():
     found, first = forms(), {}
     pattern = pattern_of(found)
     for page in READ:
-        for _, words, name, link in uses(TEXTS[page], found, pattern):
+        for words, name, link in uses(TEXTS[page], found, pattern):
             first.setdefault(name, (page, words, link))
     return first
 
@@ -92,8 +90,7 @@ def test_links_to_the_glossary_lead_to_a_term():
     assert {name for page in TEXTS for _, name in LINK.findall(TEXTS[page])} <= names
 
 
-# What is layout or the common language of mathematics; every other name and every letter is a
-# symbol.
+# What is layout or the common language of mathematics; every other name and every letter is a symbol.
 COMMON = re.compile(
     r"\\(?:left|right|[bB]ig[lr]?|[dt]?frac|q?quad|text|math(?:rm|bf)|operatorname|begin|end|[cl]?dots?|times|sum|int|prod|sqrt"
     r"|cos|sin|tanh?|cot|exp|log|ln|max|min|arg|det|pm|leq?|geq?|ne|in|ni|to|mapsto|sim|approx|propto|[lr][vV]ert|underbrace"
@@ -131,8 +128,7 @@ STRAY = re.compile(r"(?<![a-zA-Z])(?:[bc]|d(?!\}\{d|\|))(?![a-zA-Z])")
 
 
 def strays(text):
-    """Formulas in which b is no index, d no differential, c at all, or M, the number of landmarks,
-    has an index."""
+    """Formulas in which b is no index, d no differential, c at all, or M, the number of landmarks, has an index."""
     for formula in FORMULA.findall(text):
         named = NAMES.sub(lambda match: "x" * len(match[0]), formula)
         alone = STRAY.search(INDEX.sub("", named)) and formula != "$b$"  # which says what the index means

@@ -1,5 +1,4 @@
-"""Numbers in the text of the book are computed, or stand in literals.toml with the reason why they
-are not."""
+"""Numbers in the text of the book are computed, or stand in literals.toml with the reason why they are not."""
 
 import json
 import re

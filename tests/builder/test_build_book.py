@@ -1,5 +1,4 @@
-"""The build sees an error that a widget's callback hid from nbmake, and executes what is out of
-date."""
+"""The build sees an error that a widget's callback hid from nbmake, and executes what is out of date."""
 
 import json
 
@@ -10,53 +9,23 @@ from book.builder import execute_pages
 from book.builder.execute_pages import errors_in
 
 ERROR = new_output("error", ename="ValueError", evalue="no such coefficient", traceback=[])
+FINE = new_output("stream", text="fine")
 
 
-def with_widget(outputs):
-    model = {"model_name": "OutputModel", "state": {"outputs": outputs}}
+@pytest.mark.parametrize("below, inside, count", [([], [ERROR], 1), ([ERROR], [], 1), ([FINE], [FINE], 0)])
+def test_errors_below_a_cell_and_inside_a_widget_are_found(below, inside, count):
+    model = {"model_name": "OutputModel", "state": {"outputs": inside}}
     states = {"application/vnd.jupyter.widget-state+json": {"state": {"some-model": model}}}
-    return new_notebook(cells=[new_code_cell("1")], metadata={"widgets": states})
-
-
-def test_an_error_inside_a_widget_is_found():
-    assert errors_in(with_widget([ERROR])) == ["ValueError: no such coefficient"]
-
-
-def test_an_error_below_a_cell_is_found():
-    notebook = new_notebook(cells=[new_code_cell("1", outputs=[ERROR])])
-    assert errors_in(notebook) == ["ValueError: no such coefficient"]
-
-
-def test_ordinary_output_is_no_error():
-    assert errors_in(with_widget([new_output("stream", text="fine")])) == []
-
-
-def test_only_pages_that_are_out_of_date_are_executed(tmp_path, monkeypatch):
-    ran = []
-    monkeypatch.setattr(execute_pages, "STAMPS", tmp_path / "stamps.json")
-    monkeypatch.setattr(execute_pages, "run", lambda pages, jobs: ran.append(pages))
-    monkeypatch.setattr(execute_pages, "copy_book", lambda: None)
-    (tmp_path / "stamps.json").write_text(
-        json.dumps({"lbs": execute_pages.stamp("lbs"), "fourier": "of an older page"})
-    )
-    execute_pages.execute_outdated(["lbs", "fourier", "index"], 2)
-    execute_pages.execute_outdated(["lbs"], 2)
-    assert ran == [["fourier", "index"]]
+    notebook = new_notebook(cells=[new_code_cell("1", outputs=below)], metadata={"widgets": states})
+    assert errors_in(notebook) == ["ValueError: no such coefficient"] * count
 
 
 @pytest.fixture
 def tree(tmp_path, monkeypatch):
     """A small tree with two executed pages: (its root, the pages that a build would execute now)."""
-    for name in (
-        "book/one.ipynb",
-        "book/two.ipynb",
-        "book/three.md",
-        "constraints.txt",
-        "book/qcbook/cells.py",
-        "qclearn/nets/weights.safetensors",
-        "book/paper.toml",
-        "tests/test_one.py",
-    ):
+    pages = "book/one.ipynb", "book/two.ipynb", "book/three.md"
+    code = "book/qcbook/cells.py", "qclearn/nets/weights.safetensors", "tests/test_one.py"
+    for name in (*pages, *code, "constraints.txt", "book/paper.toml"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(name)
     monkeypatch.setattr(execute_pages, "ROOT", tmp_path)
@@ -69,21 +38,20 @@ def tree(tmp_path, monkeypatch):
     return tmp_path, lambda: [page for page in ("one", "two") if stamps.get(page) != execute_pages.stamp(page)]
 
 
-@pytest.mark.parametrize(
-    "file, expected",
-    [
-        ("tests/test_one.py", []),
-        ("book/three.md", []),
-        ("book/one.ipynb", ["one"]),
-        *((name, ["one", "two"]) for name in ("book/qcbook/cells.py", "qclearn/nets/weights.safetensors")),
-        *((name, ["one", "two"]) for name in ("qclearn/new.py", "book/paper.toml", "constraints.txt")),
-    ],
-)
-def test_what_makes_a_page_old(tree, file, expected):
+OLD = {"tests/test_one.py": [], "book/three.md": [], "book/one.ipynb": ["one"]}
+ALL = "book/qcbook/cells.py", "qclearn/nets/weights.safetensors", "qclearn/new.py", "book/paper.toml", "constraints.txt"
+
+
+@pytest.mark.parametrize("file, expected", [*OLD.items(), *((name, ["one", "two"]) for name in ALL)])
+def test_pages_that_are_out_of_date_are_executed_alone(tree, monkeypatch, file, expected):
     root, outdated = tree
     assert outdated() == []
     (root / file).write_text("changed")
     assert outdated() == expected
+    ran = []
+    monkeypatch.setattr(execute_pages, "run", lambda pages, jobs: ran.append(pages))
+    execute_pages.execute_outdated(["one", "two"], 2)
+    assert ran == [expected] * bool(expected)
 
 
 def test_runs_stay_and_all_else_is_copied_anew(tree, monkeypatch):
@@ -91,8 +59,7 @@ def test_runs_stay_and_all_else_is_copied_anew(tree, monkeypatch):
     (root / "build/book/two.ipynb").write_text("a run")
     for name in ("book/one.ipynb", "book/three.md"):
         (root / name).unlink()
-    monkeypatch.setattr(execute_pages, "run", None)  # no page is executed
-    execute_pages.execute_outdated(["two"], 2)
+    execute_pages.execute_outdated(["two"], 2)  # executes no page, which would be written
     left = {path.name for path in (root / "build/book").iterdir()}
     assert left == {"two.ipynb", "paper.toml", ".stamps.json"}
     assert (root / "build/book/two.ipynb").read_text() == "a run"
@@ -117,12 +84,9 @@ def test_only_a_page_that_fails_is_left_without_stamp(tree, monkeypatch, step):
     assert list(stamps) == ([] if step == "prepare" else ["two"])
 
 
-def test_an_unknown_page_is_named():
+def test_the_build_stops_with_page_and_cell(tmp_path):
     with pytest.raises(SystemExit, match="no such page in book/: nowhere.ipynb"):
         execute_pages.copy_pages(["nowhere"])
-
-
-def test_the_build_stops_with_page_and_cell(tmp_path):
     path = tmp_path / "page.ipynb"
     execute_pages.nbformat.write(new_notebook(cells=[new_code_cell("1")]), path)
     with pytest.raises(SystemExit, match="page.ipynb, cell 1: wrong"):

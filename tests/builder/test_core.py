@@ -18,9 +18,8 @@ def test_a_part_of_a_figure_becomes_a_small_picture(tmp_path, monkeypatch):
     shown = new_output("display_data", {"image/png": base64.b64encode(buffer.getvalue()).decode()})
     shown.metadata["scrapbook"] = {"name": "fig-x"}
     nbformat.write(new_notebook(cells=[new_code_cell("1", outputs=[shown])]), tmp_path / "page.ipynb")
-    monkeypatch.setattr(
-        core, "markdown_of", lambda page: "![x](_assets/thumbs/fig-x@30-20-70-90.png) ![y](_assets/thumbs/fig-y.png)"
-    )
+    text = "![x](_assets/thumbs/fig-x@30-20-70-90.png) ![y](_assets/thumbs/fig-y.png)"
+    monkeypatch.setattr(core, "markdown_of", lambda page: text)
     core.write_thumbs(tmp_path)
     (made,) = (tmp_path / "_assets" / "thumbs").iterdir()
     with Image.open(made) as picture:

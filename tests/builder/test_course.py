@@ -1,10 +1,7 @@
-"""Products of one source: the page, nbgrader's assignment and its release to students, the
-teacher's notebook."""
+"""Products of one source: the page, nbgrader's assignment and its release to students, the teacher's notebook."""
 
 import copy
-import json
 import re
-from functools import cache
 from types import SimpleNamespace
 
 import nbformat
@@ -28,8 +25,13 @@ def written(tmp_path_factory):
     return student, teacher, source
 
 
-def test_the_students_notebook_has_a_blank_and_a_check_for_each_exercise(written):
-    student = nbformat.read(written[0], as_version=4)
+@pytest.fixture(scope="module")
+def notebooks(written):
+    return [nbformat.read(path, as_version=4) for path in written]
+
+
+def test_the_students_notebook_has_a_blank_and_a_check_for_each_exercise(notebooks):
+    student = notebooks[0]
     assert [cell.metadata["exercise"] for cell in of(student, "answer")] == course.in_order()
     assert [cell.source for cell in of(student, "check")] == [graded.call(EXERCISES[n]) for n in course.in_order()]
     assert [cell.source for cell in of(student, "answer")] == [EXERCISES[n].blank.strip() for n in course.in_order()]
@@ -37,9 +39,8 @@ def test_the_students_notebook_has_a_blank_and_a_check_for_each_exercise(written
     assert [role for cell in of(student, "question") for role in re.findall(r"\{[\w:]+\}`|\]\(#", cell.source)] == []
 
 
-def test_the_students_notebook_carries_what_nbgrader_keeps(written):
-    student = nbformat.read(written[0], as_version=4)
-    kept = [cell.metadata.nbgrader for cell in student.cells if "nbgrader" in cell.metadata]
+def test_the_students_notebook_carries_what_nbgrader_keeps(notebooks):
+    kept = [cell.metadata.nbgrader for cell in notebooks[0].cells if "nbgrader" in cell.metadata]
     assert len({each.grade_id for each in kept}) == len(kept) >= 2 * len(EXERCISES)
     keys = {"schema_version", "grade", "solution", "locked", "task", "cell_type", "grade_id", "checksum"}
     for each in kept:
@@ -47,10 +48,9 @@ def test_the_students_notebook_carries_what_nbgrader_keeps(written):
     assert sum(each.get("points", 0) for each in kept) == sum(e.points for e in EXERCISES.values())
 
 
-def test_nbgraders_notebook_is_its_source(written):
-    """The student's cells, but solutions between marks, and hidden tests on other numbers, which
-    raise."""
-    student, nbgraders = (nbformat.read(path, as_version=4) for path in (written[0], written[2]))
+def test_nbgraders_notebook_is_its_source(notebooks):
+    """The student's cells, but solutions between marks, and hidden tests on other numbers, which raise."""
+    student, _, nbgraders = notebooks
     assert [cell.id for cell in nbgraders.cells] == [cell.id for cell in student.cells]
     assert [cell.source for cell in of(nbgraders, "question")] == [cell.source for cell in of(student, "question")]
     assert [cell.source + "\n" for cell in of(nbgraders, "answer")] == [EXERCISES[n].source for n in course.in_order()]
@@ -65,8 +65,8 @@ def test_nbgraders_notebook_is_its_source(written):
         assert str(told.value).startswith(exercise.sentences[name])
 
 
-def test_the_teachers_notebook_has_solutions_mistakes_and_points(written):
-    teacher = nbformat.read(written[1], as_version=4)
+def test_the_teachers_notebook_has_solutions_mistakes_and_points(notebooks):
+    teacher = notebooks[1]
     text = "\n".join(cell.source for cell in teacher.cells)
     assert [cell.source + "\n" for cell in of(teacher, "answer")] == [EXERCISES[n].solved for n in course.in_order()]
     assert all(f"| {name.replace('|', chr(92) + '|')} |" in text for e in EXERCISES.values() for name in e.wrong)
@@ -78,13 +78,9 @@ def test_no_solution_leaks_into_the_students_notebook(written):
     assert list(leaks(written[1:2], graded_lines())) == [str(written[1])]
 
 
-def page_in_words():
-    """The page as its notebook has it."""
-    return new_notebook(cells=[new_markdown_cell(course.in_words(put(PAGE)))])
-
-
-def test_page_and_notebook_have_the_same_words_and_blank(written):
-    assert list(drift(page_in_words(), nbformat.read(written[0], as_version=4))) == []
+def test_page_and_notebook_have_the_same_words_and_blank(notebooks):
+    page = new_notebook(cells=[new_markdown_cell(course.in_words(put(PAGE)))])
+    assert list(drift(page, notebooks[0])) == []
 
 
 def test_the_build_runs_the_solution_and_shows_none(monkeypatch):
@@ -116,26 +112,11 @@ def test_no_page_shows_a_line_of_a_solution_by_chance():
     assert leaks([path for path in references.BOOK.iterdir() if path.suffix in (".ipynb", ".md")], graded_lines()) == {}
 
 
-@cache
-def placed():
-    """(exercise, page) of all places where a page names one."""
-    return [
-        (name, path.stem)
-        for path in sorted(references.BOOK.glob("*.ipynb"))
-        for cell in nbformat.read(path, as_version=4).cells
-        for name in graded.PLACE.findall(cell.source)
-    ]
-
-
-@pytest.mark.parametrize("name", EXERCISES)
-def test_an_exercise_stands_on_its_own_page_once(name):
-    assert [page for found, page in placed() if found == name] == [EXERCISES[name].page]
-
-
-def test_a_sheet_of_chosen_exercises(tmp_path):
-    path, _ = course.write(["accept-fold"], "week1", tmp_path)
-    named = {cell["metadata"].get("exercise") for cell in json.loads(path.read_text())["cells"]}
-    assert path.name == "week1.ipynb" and named == {None, "accept-fold"}
+def test_an_exercise_stands_on_its_own_page_once():
+    pages = {path.stem: nbformat.read(path, as_version=4).cells for path in references.BOOK.glob("*.ipynb")}
+    sources = [(page, cell.source) for page, cells in pages.items() for cell in cells]
+    placed = [(name, page) for page, source in sources for name in graded.PLACE.findall(source)]
+    assert sorted(placed) == sorted((name, exercise.page) for name, exercise in EXERCISES.items())
 
 
 def test_every_week_has_a_sheet(monkeypatch):

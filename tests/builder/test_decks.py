@@ -63,14 +63,7 @@ def test_slides_go_on_with_the_last_heading_and_show_pictures_tables_and_explora
         new_markdown_cell(CELL, metadata={"tags": ["more-lbs", "slide-lbs"]}),
     ]
     made = deck(*cells)
-    assert [cell.source for cell in made] == [
-        "## Two",
-        "1",
-        "Above.",
-        "Above.\n\n",
-        "## One",
-        *(c.source for c in made[5:]),
-    ]
+    assert [cell.source for cell in made[:5]] == ["## Two", "1", "Above.", "Above.\n\n", "## One"]
     assert [output.data["text/html"] for output in made[1].outputs] == list(shown[:2])
 
 

@@ -1,6 +1,7 @@
 """The numbers of the prose: asked while the page is executed, stored in its Markdown cells,
 and held to one value a page."""
 
+import pytest
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
 
 from book.builder import expressions
@@ -15,8 +16,7 @@ FAILURE = {"status": "error", "ename": "AttributeError", "evalue": "no 'count'"}
 
 
 def executed(*cells, answers, end, kept=None):
-    """The notebook of `cells` as nbmake would leave it: each question answered by the next of
-    `answers`, at the end `end`."""
+    """The notebook as nbmake would leave it: each question answered by the next of `answers`, at the end by `end`."""
     notebook = new_notebook(cells=list(cells))
     expressions.ask(notebook)
     given = [*answers, end]
@@ -53,16 +53,11 @@ def test_a_failing_expression_is_named_with_its_cell():
     assert line.startswith("cell 2 (prose): ") and "num.count" in line and "AttributeError" in line
 
 
-def test_a_value_that_changes_later_is_named():
-    notebook = executed(new_markdown_cell("{eval}`n`"), answers=[[result("1")]], end=[result("2")])
+@pytest.mark.parametrize("end, told", [(result("2"), "'n' is 1 here and 2 at the end"), (FAILURE, "AttributeError")])
+def test_a_value_that_changes_later_or_is_gone_is_named(end, told):
+    notebook = executed(new_markdown_cell("{eval}`n`"), answers=[[result("1")]], end=[end])
     [line] = expressions.store(notebook)
-    assert "'n' is 1 here and 2 at the end" in line
-
-
-def test_a_name_that_is_gone_at_the_end_is_named():
-    notebook = executed(new_markdown_cell("{eval}`n`"), answers=[[result("1")]], end=[FAILURE])
-    [line] = expressions.store(notebook)
-    assert "AttributeError" in line
+    assert told in line
 
 
 def test_a_key_kept_by_two_cells_is_named():
@@ -72,11 +67,6 @@ def test_a_key_kept_by_two_cells_is_named():
 
 
 def test_powers_of_ten_are_written_as_a_reader_writes_them():
-    written = {
-        "'3e-05 mm'": "'3\u00a0×\u00a010⁻⁵ mm'",
-        "1e-03": "10⁻³",
-        "0e+00": "0",
-        "2.0e+00": "2.0",
-        "x1e-03": "x1e-03",
-    }
+    written = {"1e-03": "10⁻³", "0e+00": "0", "2.0e+00": "2.0", "x1e-03": "x1e-03"}
+    written["'3e-05 mm'"] = "'3\u00a0×\u00a010⁻⁵ mm'"
     assert {text: in_powers(text) for text in written} == written

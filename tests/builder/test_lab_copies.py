@@ -42,16 +42,13 @@ def test_a_copy_that_was_only_run_is_replaced(folder):
     assert texts(folder) == {"a": "new", "b": "b"}
 
 
-@pytest.mark.parametrize("lost", ["the copy", "the record", "the format"])
-def test_nothing_is_lost_without_copy_record_or_format(folder, lost):
-    if lost == "the copy":
-        (folder / "a.ipynb").unlink()
-    elif lost == "the record":
-        (folder / lab_copies.RECORD).write_text("{}")
-    else:
-        (folder / "a.ipynb").write_text("half a file")
+def test_nothing_is_lost_without_copy_record_or_format(folder):
+    (folder / "b.ipynb").unlink()
+    lab_copies.write_copies(folder, {"a": page("old"), "b": page("new")})
+    assert texts(folder) == {"a": "old", "b": "new"}
+    (folder / lab_copies.RECORD).write_text("{}")
     lab_copies.write_copies(folder, {"a": page("new")})
-    assert (
-        texts(folder)["a"] == "new" if lost != "the format" else (folder / "a-mine.ipynb").read_text() == "half a file"
-    )
-    assert (folder / "a-mine.ipynb").exists() == (lost != "the copy")
+    assert texts(folder) == {"a": "new", "a-mine": "old", "b": "new"}
+    (folder / "b.ipynb").write_text("half a file")
+    lab_copies.write_copies(folder, {"b": page("newer")})
+    assert (folder / "b-mine.ipynb").read_text() == "half a file"

@@ -1,5 +1,4 @@
-"""What the book's browser modules are held against: node to run them in, and the library's own
-answers."""
+"""What the book's browser modules are held against: node to run them in, and the library's own answers."""
 
 import functools
 import json
@@ -59,56 +58,34 @@ def numbers(found):
 
 def request(problem, alpha, beta, gamma):
     """A problem with weights as the browser gets it."""
-    return {
-        "moving": pairs(problem.moving),
-        "target": pairs(problem.target),
-        "curve": problem.curve.tolist(),
-        "sliding": problem.sliding,
-        "alpha": alpha,
-        "beta": beta,
-        "gamma": gamma,
-    }
+    points = {"moving": pairs(problem.moving), "target": pairs(problem.target), "curve": problem.curve.tolist()}
+    return points | {"sliding": problem.sliding, "alpha": alpha, "beta": beta, "gamma": gamma}
 
 
 class WholeSteps(GaussNewtonObjective):
-    """The browser solves a step's equations to the last digit, and has no bound on its work; the
-    library stops where it is near enough."""
+    """The browser solves a step's equations to the last digit, with no bound on its work; the library stops earlier."""
 
     spent = False
 
-    def linearise(self, state, gamma):
-        return WholeStep(self, state, gamma)
-
-
-class WholeStep(gauss_newton.DualStep):
-    """A step whose equations are solved to rounding."""
-
-    def propose(self, damping=0.0):
-        with patch.multiple(gauss_newton, SMALL_GAIN=0.0, FORCING=1e-14):
-            return super().propose(damping)
+    @patch.multiple(gauss_newton, SMALL_GAIN=0.0, FORCING=1e-14)
+    def step(self, state, gamma):
+        return super().step(state, gamma) or state
 
 
 def fit_in_steps(asked, on_coarse, on_fine):
-    """(objective, state) of so many of the library's Gauss-Newton steps on either mesh for a
-    `request`.
-
-    So many, since at the minimum rounding decides whether one more is taken, and its promise says
-    no more.
-    """
+    """(objective, state) of so many of the library's Gauss-Newton steps on either mesh for a `request`: at the minimum
+    rounding decides whether one more is taken, and its promise says no more."""
     points = numbers(asked["moving"]), numbers(asked["target"])
     problem = Problem(FINE_MESH, *points, np.array(asked["curve"]), asked["sliding"])
     weights = Weights(asked["alpha"], asked["beta"], asked["gamma"])
     coarse = WholeSteps(problem, on_itself(polar(12)), weights, on_nu_mesh=True)
     state, gamma = (coarse.at(np.zeros(len(COARSE_MESH.z), complex), problem.mobius), weights.gamma / 10)
     levels = 10.0 ** np.arange(np.log10(min(FIRST_GAMMA, gamma)), np.log10(gamma) - 1e-9)
-    state = steps(coarse, state, [*levels, *[gamma] * (on_coarse - len(levels))])
+    for one in [*levels, *[gamma] * (on_coarse - len(levels))]:
+        state = coarse.step(state, one)
     fine = WholeSteps(problem, CoefficientMesh(FINE_MESH, FINE_MESH), weights, on_nu_mesh=False)
     nu = COARSE_MESH.interpolation(FINE_MESH.z) @ state.nu
-    return fine, steps(fine, fine.at(nu, state.mobius), [weights.gamma] * on_fine)
-
-
-def steps(objective, state, gammas):
-    """A Gauss-Newton step for each gamma."""
-    for gamma in gammas:
-        state = objective.step(state, gamma) or state
-    return state
+    state = fine.at(nu, state.mobius)
+    for _ in range(on_fine):
+        state = fine.step(state, weights.gamma)
+    return fine, state

@@ -1,5 +1,4 @@
-"""What explorables answer, run by node, against the library: maps with pins, misprints, and where
-descents end."""
+"""What explorables answer, run by node, against the library: maps with pins, misprints, where descents end."""
 
 import json
 
@@ -29,8 +28,7 @@ def test_maps_with_pins_are_the_librarys():
 
 
 def test_maps_of_misprints_obey_the_misprinted_rows():
-    """Each row of what the paper prints is zero at the free vertices, and those held are where they
-    should be."""
+    """Each row of what the paper prints is zero at the free vertices, and those held are where they should be."""
     live, asked = LBS(), {"strength": 0.6, "count": 3}
     changes = [*(asked | {misprint: True} for misprint in ("e2", "e3", "e4", "e5")), asked | {"e4": True, "e5": True}]
     z, faces, hats, area = (live.mesh.z, live.mesh.faces, live.mesh.gradients, live.mesh.areas[:, None])

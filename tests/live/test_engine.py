@@ -1,5 +1,4 @@
-"""The browser's exact solver and fit, run by node, against the library: maps, fits, folds mended,
-refusals, kernels."""
+"""The browser's exact solver and fit, run by node, against the library: maps, fits, refusals, kernels."""
 
 import shutil
 import subprocess
@@ -40,8 +39,7 @@ def scattered(seed):
 
 
 def settings():
-    """Twenty requests: the live page's problems with points and sliding, and scattered ones that
-    switch rows."""
+    """Twenty requests: the live page's problems with points and sliding, and scattered ones that switch rows."""
     examples, rng = [example.problem for example in example_problems()], np.random.default_rng(3)
     made = []
     for k in range(18):
@@ -129,16 +127,10 @@ def test_harmonic_maps_and_measured_losses_are_the_librarys():
 
 def test_bad_input_is_refused_in_the_librarys_words():
     good = {"moving": [0.1, 0.5j], "target": [0.2, 0.4j]}
-    bad = [
-        good | {"moving": [0.1, 0.1]},
-        good | {"target": [0.3 - 0.25j, 0.3 - 0.25j]},
-        good | {"moving": [0.1, 1.5 + 0.5j]},
-        good | {"target": [0.1]},
-        good | {"moving": [], "target": []},
-        good | {"alpha": 0.0},
-        good | {"beta": -1.0},
-    ]
-    given = [{"alpha": 1.0, "beta": 0.1, "gamma": 1e4} | one for one in bad]
+    twice, outside = {"target": [0.3 - 0.25j, 0.3 - 0.25j]}, {"moving": [0.1, 1.5 + 0.5j]}
+    lacking = {"target": [0.1]}, {"moving": [], "target": []}
+    bad = [{"moving": [0.1, 0.1]}, twice, outside, *lacking, {"alpha": 0.0}, {"beta": -1.0}]
+    given = [{"alpha": 1.0, "beta": 0.1, "gamma": 1e4} | good | one for one in bad]
     asked = [one | {side: pairs(np.array(one[side], complex)) for side in ("moving", "target")} for one in given]
     words = run_engine("refusals", requests=asked)
     for one, said in zip(given, words):
@@ -154,8 +146,7 @@ def test_bad_input_is_refused_in_the_librarys_words():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["kernels", "layers"])
 def test_the_binary_is_made_from_its_source(name, tmp_path):
-    """Where npm can install the compiler of package-lock.json, it makes the very bytes that are
-    committed."""
+    """Where npm can install the compiler of package-lock.json, it makes the very bytes that are committed."""
     if shutil.which("npm") is None:
         pytest.skip("NO NPM: that the .wasm files belong to their sources is NOT checked")
     for file in ("package.json", "package-lock.json", f"{name}.ts"):

@@ -1,12 +1,11 @@
-"""The networks in the browser's modules against those in torch, both with the half-precision
-weights of the site."""
+"""The networks in the browser's modules against those in torch, both with the half-precision weights of the site."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
-from reference import MODULES, numbers, pairs, run_engine
+from reference import numbers, pairs, run_engine
 
 from qcbook.examples import example_problems
 from qcbook.livefiles import cpnet_file, dbsnet_file
@@ -23,8 +22,7 @@ def halved(network):
 
 
 def problems():
-    """Landmarks with weights inside the trained ranges: the live page's first two problems, and
-    scattered points."""
+    """Landmarks with weights inside the trained ranges: the live page's first two problems, and scattered points."""
     rng, made = np.random.default_rng(5), []
     turn = np.exp(0.01j)  # off the spokes, where a point belongs to either triangle and rounding decides
     points = [(turn * example.problem.moving, turn * example.problem.target) for example in example_problems()[:2]]
@@ -35,8 +33,7 @@ def problems():
         q = p * np.exp(4j * c[0] * (1 - abs(p) ** 2)) + (1 - abs(p) ** 2) * (c[1] * p + 1j * c[2] * p.conj() + c[3] / 2)
         points.append((p, q / np.maximum(1, 1.02 * abs(q))))
     for k, (p, q) in enumerate(points):
-        beta = float(10 ** rng.uniform(-4, 1))
-        gamma = float(10 ** rng.uniform(0, 6))
+        beta, gamma = (float(10 ** rng.uniform(*powers)) for powers in ((-4, 1), (0, 6)))
         weights = {"alpha": 1.0, "beta": beta, "gamma": gamma}
         made.append({"moving": pairs(p), "target": pairs(q), "looks": k % 3, **weights})
     return made
@@ -72,11 +69,9 @@ def test_both_leave_the_network_out_at_the_same_weights(found):
 
 
 def test_dbsnet_is_torchs(tmp_path, one_thread):
-    network, rng, made = halved(load("dbsnet")), np.random.default_rng(2), []
-    centres = network.pixels
-    for largest in (0.2, 0.4, 0.6):
-        a, b = rng.uniform(1, 4, 2)
-        made.append(largest * np.sin(a * centres.real + b) * np.exp(1j * b * centres.imag))
+    network, rng = halved(load("dbsnet")), np.random.default_rng(2)
+    x, y, turns = network.pixels.real, network.pixels.imag, rng.uniform(1, 4, (3, 2))
+    made = [largest * np.sin(a * x + b) * np.exp(1j * b * y) for largest, (a, b) in zip((0.2, 0.4, 0.6), turns)]
     file = tmp_path / "dbsnet.bin"
     file.write_bytes(dbsnet_file(network))
     answers = run_engine("dbsnet", file=str(file), coefficients=[pairs(mu) for mu in made])
@@ -84,12 +79,3 @@ def test_dbsnet_is_torchs(tmp_path, one_thread):
         with torch.no_grad():
             f = network(torch.from_numpy(mu).to(network.z)[None])[0].numpy()
         assert abs(numbers(answer) - f).max() < 1e-4
-
-
-def test_nothing_of_a_network_stands_in_the_modules():
-    """A network of other sizes needs no change: they come from the file."""
-    text = "".join(
-        (MODULES / name).read_text()
-        for name in ("unet.js", "cpnet.js", "looks.js", "spectrum.js", "tangent.js", "dbsnet.js")
-    )
-    assert not any(f" {number}" in text for number in (24, 48, 72, 144, 512))

@@ -1,5 +1,4 @@
-"""Cortical surfaces in the browser's modules, run by node, against the library: points, paths,
-distances."""
+"""Cortical surfaces in the browser's modules, run by node, against the library: points, paths, distances."""
 
 import numpy as np
 import pytest
@@ -16,8 +15,7 @@ WEIGHTS = (0.5, 2.0), (0.0, 0.0), (1.5, 0.0)
 
 @pytest.fixture(scope="module")
 def states():
-    """The calcarine sulcus of fsaverage5 with three choices of the weights, and ends of the
-    reader's own."""
+    """The calcarine sulcus of fsaverage5 with three choices of the weights, and ends of the reader's own."""
     start = Landmarks.initial | {"hemisphere": "cortex", "sulcus": 3}
     made = [start | {"curvature": curvature, "depth": depth} for curvature, depth in WEIGHTS]
     return [*made, start | {"ends": {"0": 17, "1": 4000}}]
@@ -43,8 +41,7 @@ def test_points_are_lifted_to_where_the_library_lifts_them(found):
 
 
 def test_paths_are_the_librarys(found, states):
-    """They may differ where two ways cost the same: so their costs are compared, and most of their
-    vertices."""
+    """They may differ where two ways cost the same: so their costs are compared, and most of their vertices."""
     live, surface = Landmarks(), cortices("cortex").moving.surface
     for state, answer in zip(states, found[1]["paths"]):
         path, cost = live.path(state)

@@ -60,13 +60,8 @@ def test_fronts_are_ahead_behind_or_level_by_their_interval():
 
 
 def test_runs_are_compared_on_the_pairs_that_both_have():
-    rows = [
-        row("a", landmark_error=3.0),
-        row("b", landmark_error=9.0),
-        row("b", "two", landmark_error=7.0),
-        row("a", "two", landmark_error=1.0),
-        row("c", landmark_error=100.0),
-    ]
+    errors = ("a", "one", 3), ("b", "one", 9), ("b", "two", 7), ("a", "two", 1), ("c", "one", 100)
+    rows = [row(pair, run, landmark_error=error) for pair, run, error in errors]
     assert compare_runs(rows, "one", "two", "landmark_error", np.random.default_rng(0)) == (2, 2, 2)
 
 
@@ -84,12 +79,7 @@ def test_the_median_pair_is_shown():
 
 
 def test_notes_are_counted_by_their_words():
-    rows = [
-        row("a", landmark_error=0.1, notes=["two overlaps mended", "overlap again"]),
-        row("b", landmark_error=0.1),
-        row("c"),
-        row("a", "two", landmark_error=0.1, notes=["an overlap"]),
-    ]
+    rows = [row("a", notes=["two overlaps mended", "overlap again"]), row("b"), row("a", "two", notes=["an overlap"])]
     assert noted(rows, "one", "overlap") == 1 and noted(rows, "one", "let go") == 0
 
 

@@ -22,8 +22,3 @@ def test_an_arrow_stops_at_the_edges_of_its_boxes(dpi):
         away = max(box.x0 - end[0], end[0] - box.x1, box.y0 - end[1], end[1] - box.y1)
         assert -3 * dpi / 100 < away < 6 * dpi / 100
     assert np.all(ends[0] < ends[1])
-
-
-def test_an_arrow_to_nowhere_is_an_error():
-    with pytest.raises(KeyError, match="c"):
-        block_diagram(Figure().subplots(), {"a": (0, 0, "a", "grey")}, [("a", "c")])

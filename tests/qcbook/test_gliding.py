@@ -9,40 +9,33 @@ import pytest
 import qclearn as qc
 from qcbook import Gliding, View, view_figure
 
+Z, FACES = qc.polar_disk(12, 36)
+DOME, LINE = qc.Surface(np.stack([Z.real, Z.imag, 1 - abs(Z) ** 2], axis=1), FACES), np.linspace(-0.5, 0.5, 9) + 0j
+
 
 def numbers(text):
     return np.array([[float(x) for x in pair.split(",")] for pair in text.split()])
 
 
-@pytest.fixture(scope="module")
-def lines():
-    """Of a dome, a line that stays and one that the map turns onto it: ([steps], ...) of points (k, 2)."""
-    z, faces = qc.polar_disk(12, 36)
-    shape = qc.Surface(np.stack([z.real, z.imag, 1 - abs(z) ** 2], axis=1), faces)
+def test_a_curve_ends_on_its_target():
+    """Of a dome, a line that stays and one that the map turns onto it."""
     turn = np.exp(0.5j)
-    registration = SimpleNamespace(disk_moving=z, disk_control=z, disk_map=turn * z, faces_moving=faces)
-    line = np.linspace(-0.5, 0.5, 9) + 0j
-    groups = [("red", [line], False), ("yellow", [line / turn], True)]
-    shown = Gliding(registration, shape, groups, "A dome")._repr_html_()
+    registration = SimpleNamespace(disk_moving=Z, disk_control=Z, disk_map=turn * Z, faces_moving=FACES)
+    groups = [("red", [LINE], False), ("yellow", [LINE / turn], True)]
+    shown = Gliding(registration, DOME, groups, "A dome")._repr_html_()
     assert 'aria-label="A dome"' in shown and shown.count('type="range"') == 1
     still, moving = re.findall(r"<polyline.*?</polyline>", shown)
     assert "<animate" not in still
-    values = re.search(r'values="([^"]*)"', moving)[1].split(";")
-    return numbers(re.search(r'points="([^"]*)"', still)[1]), [numbers(value) for value in values]
-
-
-def test_a_curve_ends_on_its_target(lines):
-    target, steps = lines
-    apart = [np.abs(step - target).max() for step in steps]
+    target, steps = re.search(r'points="([^"]*)"', still)[1], re.search(r'values="([^"]*)"', moving)[1].split(";")
+    apart = [np.abs(numbers(step) - numbers(target)).max() for step in steps]
     assert apart[-1] < 1 and apart[0] > 50 and np.all(np.diff(apart) < 0)
 
 
 def test_points_of_the_far_side_are_left_out():
     z, faces = qc.polar_disk(24, 72)
     theta = 0.9 * np.pi * abs(z)  # most of a sphere, seen from the side away from its rim
-    vertices = np.stack(
-        [np.sin(theta) * np.cos(np.angle(z)), np.sin(theta) * np.sin(np.angle(z)), np.cos(theta)], axis=1
-    )
+    across = np.sin(theta) * np.exp(1j * np.angle(z))
+    vertices = np.stack([across.real, across.imag, np.cos(theta)], axis=1)
     same = SimpleNamespace(disk_moving=z, disk_control=z, disk_map=z, faces_moving=faces)
     line = np.linspace(0, 0.95, 40) + 0j
     shown = Gliding(same, qc.Surface(vertices, faces), [("red", [line], False)], "A sphere")._repr_html_()
@@ -50,11 +43,8 @@ def test_points_of_the_far_side_are_left_out():
 
 
 def test_each_panel_has_its_curves_and_its_title():
-    z, faces = qc.polar_disk(12, 36)
-    shape = qc.Surface(np.stack([z.real, z.imag, 1 - abs(z) ** 2], axis=1), faces)
-    line = np.linspace(-0.5, 0.5, 9) + 0j
-    panels = {"one": [("red", [line])], "two": [("red", [line]), ("yellow", [1j * line])]}
-    fig = view_figure(View(z, shape), panels)
+    panels = {"one": [("red", [LINE])], "two": [("red", [LINE]), ("yellow", [1j * LINE])]}
+    fig = view_figure(View(Z, DOME), panels)
     shown = [ax for ax in fig.axes if ax.get_title()]
     colours = [[one.get_color() for one in ax.lines if one.get_color() != "black"] for ax in shown]
     assert dict(zip([ax.get_title() for ax in shown], colours)) == {"one": ["red"], "two": ["red", "yellow"]}

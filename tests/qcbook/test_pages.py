@@ -39,12 +39,9 @@ def test_a_figure_has_twice_the_pixels_of_its_width_and_a_white_ground(shown):
     assert options["metadata"]["scrapbook"]["name"] == "fig-a"
 
 
-def test_the_width_does_not_depend_on_the_sharpness():
-    assert abs(pages.drawn(figure(), 1)[1] - pages.drawn(figure(), 3)[1]) <= 2
-
-
 def test_an_image_is_shown_at_its_own_width(shown):
     png, width = pages.drawn(figure())
+    assert abs(pages.drawn(figure(), 1)[1] - pages.drawn(figure(), 3)[1]) <= 2  # whatever the sharpness
     pages.show_figure(Image(png), "fig-a", "A line.")
     assert abs(shown[0][1]["metadata"]["image/png"]["width"] - 2 * width) <= 1
     pages.show_figure(Image(png, width=120), "fig-a", "A line.")
@@ -57,16 +54,11 @@ def test_a_figure_without_a_description_is_refused():
     plt.close("all")
 
 
-def test_numbers_are_kept_as_plain_ones(monkeypatch):
+def test_numbers_are_kept_as_plain_ones_with_their_cells(monkeypatch):
     monkeypatch.setattr(pages, "num", SimpleNamespace())
-    monkeypatch.setattr(pages, "kept_by", {})
     pages.keep(error=np.float64(0.5), word="left", several=np.arange(2))
     assert (pages.num.error, pages.num.word, pages.num.several) == (0.5, "left", [0, 1])
     assert type(pages.num.error) is float
-
-
-def test_the_cells_that_kept_a_number_are_known(monkeypatch):
-    monkeypatch.setattr(pages, "num", SimpleNamespace())
     monkeypatch.setattr(pages, "kept_by", {})
     for count in (3, 3, 5):
         monkeypatch.setattr(pages, "get_ipython", lambda count=count: SimpleNamespace(execution_count=count))

@@ -10,16 +10,12 @@ from meshes import bowl
 from qcbook.picker import HEIGHT, WIDTH, LandmarkPicker
 from qclearn.registration.curves import check_curves, read_landmarks
 
-
-@pytest.fixture(scope="module")
-def bowls():
-    """Two surfaces for all tests: their depth, which takes longest, is computed once."""
-    return bowl(0.6, 12), bowl(0.9, 12)
+BOWLS = bowl(0.6, 12), bowl(0.9, 12)  # for all tests: their depth, which takes longest, is computed once
 
 
 @pytest.fixture
-def picker(bowls, tmp_path):
-    return LandmarkPicker(*bowls, tmp_path / "landmarks.json")
+def picker(tmp_path):
+    return LandmarkPicker(*BOWLS, tmp_path / "landmarks.json")
 
 
 def pixels_of(view):
@@ -102,8 +98,4 @@ def test_the_browser_reaches_four_methods_alone(picker):
     assert len(picker.picks) == 1
     with pytest.raises(KeyError):
         picker.asked(None, {"do": "close"}, [])
-
-
-def test_its_module_stands_alone(picker):
-    """Without imports, which lead nowhere in JupyterLab."""
-    assert "import " not in picker._esm and "export default" in picker._esm
+    assert "import " not in picker._esm and "export default" in picker._esm  # imports lead nowhere in JupyterLab

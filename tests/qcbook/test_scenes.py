@@ -25,9 +25,8 @@ def ball():
 def test_scene_is_one_page_that_asks_for_nothing():
     scene = Scene(ball()[1], 'a "ball" <round>')
     markup = scene._repr_html_()
-    assert 'title="a &quot;ball&quot; &lt;round&gt;"' in markup and markup.startswith(
-        '<iframe class="scene" width="100%" '
-    )
+    assert 'title="a &quot;ball&quot; &lt;round&gt;"' in markup
+    assert markup.startswith('<iframe class="scene" width="100%" ')
     assert "OfflineLocalView.load" in html.unescape(markup)
     assert not re.search(r'(?:src|href)\s*=\s*"https?://', scene.page)
     assert not re.search(r"\.p\+.[0-9a-f]+\.(?:jpg|png)", scene.page)
@@ -50,40 +49,35 @@ def test_legend_is_written_over_the_scene():
 
 def test_poster_waits_for_a_click():
     markup = Scene(ball()[1], "a ball", poster=True)._repr_html_()
-    assert re.search(
-        '<button [^>]*style="[^"]*width:100%[^>]*><img alt="a ball" [^>]*src="data:image/png;base64,', markup
-    )
+    button = '<button [^>]*style="[^"]*width:100%[^>]*><img alt="a ball" [^>]*src="data:image/png;base64,'
+    assert re.search(button, markup)
     assert "srcdoc=" not in markup.replace("f.srcdoc=f.dataset.page", "") and "data-page=" in markup
 
 
 def shown_arrays(plotter):
+    scenes._keep_what_is_shown(plotter)
     mapper = next(iter(plotter.actors.values())).mapper
     mapper.Update()
+    plotter.close()
     return mapper.dataset.points, dict(mapper.dataset.point_data)
 
 
 def test_only_what_is_shown_travels():
     surface, plotter = ball()
-    scenes._keep_what_is_shown(plotter)
     points, arrays = shown_arrays(plotter)
     assert points.dtype == arrays["height"].dtype == np.float32 and list(arrays) == ["height"]
-    for shown, exact, steps in (
-        (points, surface.points, scenes.POINT_STEPS),
-        (arrays["height"], surface["height"], scenes.VALUE_STEPS),
-    ):
+    pairs = (points, surface.points), (arrays["height"], surface["height"])
+    for (shown, exact), steps in zip(pairs, (scenes.POINT_STEPS, scenes.VALUE_STEPS)):
         assert abs(shown - exact).max() <= np.ptp(exact) / steps / 2 + 1e-7
     assert "noise" in surface.point_data, "the caller's surface was changed"
-    plotter.close()
 
 
 def test_a_surface_that_only_the_plotter_holds_keeps_its_colours():
     require_renderer()
     plotter = pv.Plotter(off_screen=True)
     plotter.add_mesh(pv.Icosphere(nsub=3), scalars=np.arange(642.0), show_scalar_bar=False)
-    scenes._keep_what_is_shown(plotter)
     points, arrays = shown_arrays(plotter)
     assert len(points) == 642 and [len(array) for array in arrays.values()] == [642]
-    plotter.close()
 
 
 def without_screen(monkeypatch, libraries, egl_device):
@@ -95,17 +89,11 @@ def without_screen(monkeypatch, libraries, egl_device):
     monkeypatch.setattr(scenes, "_loads", lambda *names: next((name for name in names if name in libraries), None))
 
 
-@pytest.mark.parametrize(
-    "libraries, egl_device, window",
-    [([], True, "vtkEGLRenderWindow"), (["libOSMesa.so.8"], False, "vtkOSOpenGLRenderWindow")],
-)
-def test_what_can_draw_is_chosen(monkeypatch, libraries, egl_device, window):
-    without_screen(monkeypatch, libraries, egl_device)
-    require_renderer()
-    assert scenes.os.environ["VTK_DEFAULT_OPENGL_WINDOW"] == window
-
-
-def test_nothing_to_draw_with_is_said_before_vtk_crashes(monkeypatch):
+def test_what_can_draw_is_chosen_and_nothing_to_draw_with_is_said_before_vtk_crashes(monkeypatch):
+    for libraries, egl_device, window in ([], True, "vtkEGL"), (["libOSMesa.so.8"], False, "vtkOSOpenGL"):
+        without_screen(monkeypatch, libraries, egl_device)
+        require_renderer()
+        assert scenes.os.environ["VTK_DEFAULT_OPENGL_WINDOW"] == f"{window}RenderWindow"
     without_screen(monkeypatch, [], egl_device=False)
     with pytest.raises(RendererError, match="apt-get install libegl1"):
         require_renderer()

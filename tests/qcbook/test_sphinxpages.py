@@ -26,26 +26,16 @@ def joined(*cells):
     return [(one.get("hide_mode"), [block.astext() for block in one.children[0]]) for one in page]
 
 
-def test_a_folded_cell_that_prints_nothing_joins_the_next_folded_one():
+def test_a_folded_cell_that_prints_nothing_joins_the_next_folded_one_but_not_across_visible_code():
     cells = cell("a = 1", True), cell("b = 2", True), cell("print(a)", True, True), cell("c", True)
     assert joined(*cells) == [("input", ["a = 1", "b = 2", "print(a)"]), ("input", ["c"])]
-
-
-def test_it_stays_where_visible_code_comes_first():
     cells = cell("a = 1", True), cell("b = 2", False), cell("print(a)", True, True)
     assert joined(*cells) == [("input", ["a = 1"]), (None, ["b = 2"]), ("input", ["print(a)"])]
 
 
 def test_shell_lines_of_a_help_text_are_code_and_stay_as_they_are():
-    help_text = [
-        "On a*b:",
-        "",
-        "|     run $A_/*.gii \\",
-        "|       --out `b`",
-        "",
-        "| word:  the `name`",
-        "|         and a*b",
-    ]
+    help_text = ["On a*b:", "", "|     run $A_/*.gii \\", "|       --out `b`", ""]
+    help_text += ["| word:  the `name`", "|         and a*b"]
     escape_text(None, None, help_text)
     block = [".. code-block:: shell", "", "    run $A_/*.gii \\", "      --out `b`", ""]
     assert help_text == ["On a\\*b:", "", *block, "| word:  the ``name``", "|         and a\\*b"]

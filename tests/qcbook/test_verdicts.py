@@ -4,27 +4,17 @@ import pytest
 
 from qcbook import compared, judge_all, judge_bound, judge_order, judge_ratio, judge_size, side
 
-
-@pytest.mark.parametrize(
-    "printed, here, verdict",
-    [
-        (0.91, 0.95, "agrees"),
-        (0.91, 1.29, "turned round"),  # of one size, and yet the other way
-        (1.29, 0.91, "turned round"),
-        (1.24, 1.69, "agrees"),
-        (1.24, 2.0, "agrees in direction only"),
-        (0.124, 0.5, "agrees in direction only"),
-        (0.91, 1.0, "not settled"),
-    ],
-)
-def test_a_ratio_is_judged_by_its_direction_and_its_size(printed, here, verdict):
-    assert judge_ratio(printed, here) == verdict
+RATIOS = {
+    "agrees": [(0.91, 0.95), (1.24, 1.69), (0.91, 0.95, 0.93, 0.98)],
+    "turned round": [(0.91, 1.29), (1.29, 0.91), (0.91, 1.29, 1.2, 1.4)],  # of one size, and yet the other way
+    "agrees in direction only": [(1.24, 2.0), (0.124, 0.5)],
+    "not settled": [(0.91, 1.0), (0.91, 0.95, 0.90, 1.01)],  # an interval that holds 1
+}
 
 
-def test_an_interval_that_holds_1_settles_no_direction():
-    assert judge_ratio(0.91, 0.95, 0.93, 0.98) == "agrees"
-    assert judge_ratio(0.91, 0.95, 0.90, 1.01) == "not settled"
-    assert judge_ratio(0.91, 1.29, 1.2, 1.4) == "turned round"
+@pytest.mark.parametrize("verdict, ratios", RATIOS.items())
+def test_a_ratio_is_judged_by_its_direction_and_its_size(verdict, ratios):
+    assert {judge_ratio(*given) for given in ratios} == {verdict}
 
 
 def test_a_size_is_judged_by_its_factor():
