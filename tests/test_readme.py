@@ -1,8 +1,6 @@
-"""The files and commands that the README names are there; test_package.py runs its example."""
+"""The files that the README names are there; test_package.py runs its example, test_cli.py knows its commands."""
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -14,11 +12,3 @@ def test_links_and_pictures_exist():
     assert "book/_assets/registration.png" in targets
     missing = [target for target in targets if "://" not in target and not (ROOT / target).exists()]
     assert missing == []
-
-
-def test_named_commands_exist():
-    listed = subprocess.run(
-        [sys.executable, "-m", "qclearn", "--help"], capture_output=True, text=True, check=True
-    ).stdout
-    for command in set(re.findall(r"^\| `qclearn (\w+)", README, re.MULTILINE)):
-        assert re.search(rf"^  {command}\b", listed, re.MULTILINE), command

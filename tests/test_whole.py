@@ -7,12 +7,11 @@ import re
 import nibabel
 import numpy as np
 import pytest
-import pyvista
 
 import qclearn as qc
 from commands import BALL, NAMES, everything, label, made, refused, run  # noqa: F401 (made: a fixture)
 from freesurfer import GEOMETRY
-from known_surfaces import with_seam
+from known_surfaces import torus_mesh, with_seam
 from qclearn.io.hemisphere import read_hemisphere
 from qclearn.io.mapfile import read_registration
 from qclearn.io.meshes import frame_of
@@ -262,11 +261,9 @@ def bad(made, tmp_path_factory):
     landmarks = json.loads((made / "landmarks.json").read_text())
     landmarks["curves"][0]["moving"][0] = wall
     (folder / "landmarks.json").write_text(json.dumps(landmarks))
-    torus = pyvista.ParametricTorus(u_res=30, v_res=20).triangulate().clean(tolerance=1e-6)
-    surface = qc.Surface(torus.points, torus.regular_faces)
-    surface = surface if surface.volume > 0 else qc.Surface(torus.points, torus.regular_faces[:, ::-1])
-    qc.write_surface(folder / "lh.torus", surface)
-    label(folder / "lh.torus.label", np.flatnonzero(surface.vertices[:, 0] < 1.3))
+    torus = qc.Surface(*torus_mesh())
+    qc.write_surface(folder / "lh.torus", torus)
+    label(folder / "lh.torus.label", np.flatnonzero(torus.vertices[:, 0] < 3.5))
     return folder, vertex, wall
 
 
@@ -275,24 +272,21 @@ WHOLE = PAIR + "{made}/lh.cortex.label "
 CARRY = "transfer {out}/registration.npz {made}/rh.aparc.annot --to control "
 
 
-@pytest.mark.parametrize(
-    "words, message",
-    [
-        (PAIR + "{bad}/lh.pieces.label", "lh.pieces.label: is in pieces: .*repair the label"),
-        (PAIR + "{bad}/lh.hole.label", "lh.hole.label: has holes of .*repair the label"),
-        (PAIR + "{made}/rh.cortex.label", "rh.cortex.label: is of the right hemisphere, .*lh.pial of the left one"),
-        (WHOLE + "--feature {bad}/rh.bad.npy {made}/lh.sulc", r"rh.bad.npy: not finite on the cortex .*\[{vertex}\]"),
-        (WHOLE + "--landmarks {bad}/landmarks.json", r"'one', moving side: .*\[{wall}\] lie on the medial wall"),
-        ("register {made}/rh.pial {made}/lh.pial", "closed .*--cortex"),
-        ("register {cut}/rh.open.npz {made}/lh.pial --cortex {made}/rh.cortex.label", "rh.open.npz is open already"),
-        ("register {cut}/rh.open.npz fsaverage5:left --control-cortex {made}/lh.cortex.label", "its own medial wall"),
-        ("register {bad}/lh.torus fsaverage5:left --cortex {bad}/lh.torus.label", "1 handle .*mris_fix_topology"),
-        ("open {made}/lh.pial --mask {made}/rh.cortex.label --keep", "is of the right hemisphere, .* of the left one"),
-        (CARRY.replace("rh.aparc.annot", "lh.sulc"), "is of the left hemisphere, the moving surface of the right"),
-        (CARRY.replace("{made}/rh.aparc.annot", "{bad}/other.npy"), r"700 values for \d+ vertices .*, 642 before"),
-        (CARRY + "--nearest --wall nan", "--wall nan: labels"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("words, message", [
+    (PAIR + "{bad}/lh.pieces.label", "lh.pieces.label: is in pieces: .*repair the label"),
+    (PAIR + "{bad}/lh.hole.label", "lh.hole.label: has holes of .*repair the label"),
+    (PAIR + "{made}/rh.cortex.label", "rh.cortex.label: is of the right hemisphere, .*lh.pial of the left one"),
+    (WHOLE + "--feature {bad}/rh.bad.npy {made}/lh.sulc", r"rh.bad.npy: not finite on the cortex .*\[{vertex}\]"),
+    (WHOLE + "--landmarks {bad}/landmarks.json", r"'one', moving side: .*\[{wall}\] lie on the medial wall"),
+    ("register {made}/rh.pial {made}/lh.pial", "closed .*--cortex"),
+    ("register {cut}/rh.open.npz {made}/lh.pial --cortex {made}/rh.cortex.label", "rh.open.npz is open already"),
+    ("register {cut}/rh.open.npz fsaverage5:left --control-cortex {made}/lh.cortex.label", "its own medial wall"),
+    ("register {bad}/lh.torus fsaverage5:left --cortex {bad}/lh.torus.label", "1 handle .*mris_fix_topology"),
+    ("open {made}/lh.pial --mask {made}/rh.cortex.label --keep", "is of the right hemisphere, .* of the left one"),
+    (CARRY.replace("rh.aparc.annot", "lh.sulc"), "is of the left hemisphere, the moving surface of the right"),
+    (CARRY.replace("{made}/rh.aparc.annot", "{bad}/other.npy"), r"700 values for \d+ vertices .*, 642 before"),
+    (CARRY + "--nearest --wall nan", "--wall nan: labels"),
+])  # fmt: skip
 def test_what_does_not_fit_is_one_line(made, registered, cut, bad, tmp_path, capsys, words, message):
     folder, vertex, wall = bad
     words = words.format(made=made, cut=cut, bad=folder, out=registered).split()

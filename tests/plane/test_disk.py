@@ -28,15 +28,6 @@ def test_the_arrays_cannot_be_changed_and_the_callers_can():
     assert Disk(mine.z, mine.faces).z is mine.z and Disk(view, mine.faces).z is not view
 
 
-FOUND = "areas gradients centroids loop across vertex_tree laplace mass to_vertices to_faces open_halfedges"
-
-
-@pytest.mark.parametrize("name", [*FOUND.split(), "flipped", "maybe_flipped", "certificate"])
-def test_what_is_asked_for_is_found_once(name):
-    disk = Disk(*random_disk(seed=3))
-    assert getattr(disk, name) is getattr(disk, name)
-
-
 def test_a_pickle_has_the_arrays_alone():
     disk = Disk(*random_disk(seed=3))
     _ = disk.certificate, disk.locate(np.array([0.1j])), disk.laplace
@@ -60,14 +51,11 @@ def test_a_picture_shares_what_depends_on_the_faces_alone():
         np.testing.assert_array_equal(fresh.areas, picture.areas)
 
 
-@pytest.mark.parametrize(
-    "f, message",
-    [
-        (np.zeros(18), r"f has shape \(18,\), but the mesh has 17 vertices"),
-        (np.zeros((17, 3)), r"f has shape \(17, 3\): give complex numbers"),
-        (["a"] * 17, "f must be complex numbers"),
-    ],
-)
+@pytest.mark.parametrize("f, message", [
+    (np.zeros(18), r"f has shape \(18,\), but the mesh has 17 vertices"),
+    (np.zeros((17, 3)), r"f has shape \(17, 3\): give complex numbers"),
+    (["a"] * 17, "f must be complex numbers"),
+])  # fmt: skip
 def test_a_picture_has_one_complex_number_a_vertex(f, message):
     with pytest.raises(BeltramiError, match=message):
         Disk(*polar_disk(2, 8)).at(f)

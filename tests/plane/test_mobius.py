@@ -68,8 +68,7 @@ def test_centring_brings_the_weighted_centroid_to_zero(points):
 
 
 def test_misfits_of_many_point_sets_are_those_of_their_best_maps():
-    """Points moved by large Möbius maps, with noise; moved by nothing;
-    and with targets that have nothing to do with them."""
+    """Points moved by large Möbius maps, with noise; by nothing; and with targets that have nothing to do with them."""
     rng = np.random.default_rng(5)
     p = 0.6 * np.sqrt(rng.uniform(size=(12, 9))) * np.exp(2j * np.pi * rng.uniform(size=(12, 9)))
     q = np.concatenate([mobius(p[:4], 0.7 - 0.2j, 3.0) + 0.05 * rng.normal(size=(4, 9)), p[4:8], p[8:, ::-1].conj()])

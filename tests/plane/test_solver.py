@@ -70,12 +70,8 @@ def square_with_ears(n):
     a = row * (n + 1) + column
     b, c, d = a + 1, a + n + 2, a + n + 1
     rising = ((row < n // 2) == (column >= n // 2))[:, None]
-    return z, np.concatenate(
-        [
-            np.where(rising, np.stack([a, b, c], 1), np.stack([a, b, d], 1)),
-            np.where(rising, np.stack([a, c, d], 1), np.stack([b, c, d], 1)),
-        ]
-    )
+    halves = ((a, b, c), (a, b, d)), ((a, c, d), (b, c, d))
+    return z, np.concatenate([np.where(rising, *(np.stack(half, 1) for half in pair)) for pair in halves])
 
 
 @pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda exact: exact.name)
@@ -245,19 +241,16 @@ def test_many_at_once_are_many_and_changes_keep_zero_one_and_the_circle():
 WHEEL, FACES = polar_disk(4, 12)
 
 
-@pytest.mark.parametrize(
-    "z, faces, message",
-    [
-        (np.append(WHEEL[:-3], [0.99 * WHEEL[-3], *WHEEL[-2:]]), FACES, "boundary vertex 46 is 1.0e-02 off the unit"),
-        (np.exp(2j * np.pi * np.arange(3) / 3), [[0, 1, 2]], "no interior vertex"),
-        (np.append(WHEEL, 0.2j), FACES, r"vertices \[49\] are in no face"),
-        (
-            np.append(np.exp([-0.6j, 0.5j, 1.8j]), 0.7 + 0.2j),
-            [[0, 1, 3], [1, 2, 3], [2, 0, 3]],
-            "does not cover 0: boundary vertex 2",
-        ),
-    ],
-)
+@pytest.mark.parametrize("z, faces, message", [
+    (np.append(WHEEL[:-3], [0.99 * WHEEL[-3], *WHEEL[-2:]]), FACES, "boundary vertex 46 is 1.0e-02 off the unit"),
+    (np.exp(2j * np.pi * np.arange(3) / 3), [[0, 1, 2]], "no interior vertex"),
+    (np.append(WHEEL, 0.2j), FACES, r"vertices \[49\] are in no face"),
+    (
+        np.append(np.exp([-0.6j, 0.5j, 1.8j]), 0.7 + 0.2j),
+        [[0, 1, 3], [1, 2, 3], [2, 0, 3]],
+        "does not cover 0: boundary vertex 2",
+    ),
+])  # fmt: skip
 def test_meshes_without_a_map_are_refused(z, faces, message):
     with pytest.raises((SurfaceError, BeltramiError), match=message):
         BeltramiDiskSolver(z, np.array(faces))

@@ -33,8 +33,7 @@ def test_sphere_is_exact():
 
 
 def test_ellipsoid_converges_on_average():
-    # at vertices of valence other than 6 the error need not vanish (Xu 2004), so the mean error has
-    # the rate
+    # at vertices of valence other than 6 the error need not vanish (Xu 2004), so the mean error has the rate
     axes = np.array([1.0, 1.3, 0.8])
     errors = []
     for level in (2, 3, 4):
@@ -91,8 +90,7 @@ def test_depth_of_a_dent_in_a_sphere():
     angle = np.concatenate([np.linspace(0, mouth, 13), np.linspace(mouth, opening, 90)[1:]])
     radius = np.where(angle < mouth, 1 - depth * np.clip(2 - 2 * angle / mouth, 0, 1), 1.0)
     surface = revolution(radius * (np.sin(angle) + 1j * np.cos(angle)))
-    # the convex hull is a spherical zone with a flat lid; the closing ball rests on the rim of the
-    # dent
+    # the convex hull is a spherical zone with a flat lid; the closing ball rests on the rim of the dent
     scale = np.sqrt(2 * np.pi * (1 - np.cos(opening)) + np.pi * np.sin(opening) ** 2)
     ball, voxel = 0.05 * scale, scale / 130
     ball_centre = np.cos(mouth) + np.sqrt(ball**2 - np.sin(mouth) ** 2)
@@ -150,8 +148,7 @@ def test_area_under_pixels(crowded):
     inside = abs(pixel_centres(16)) < 1 - 2 / 16
     np.testing.assert_allclose(areas[inside], (2 / 16) ** 2, rtol=0.1)
     crowd = area_under_pixels(surface, z, PLAIN, 16)
-    # density of area in z is 1/(2|z|): a pixel of side 1/8 carries less than 1/64 where |z| > 1/2,
-    # half of the area
+    # density of area in z is 1/(2|z|): a pixel of side 1/8 carries less than 1/64 where |z| > 1/2, half of it
     assert resolved_share(areas, 1.2 / 64) > 0.99
     assert resolved_share(crowd, 1 / 64) == pytest.approx(0.5, abs=0.05)
 

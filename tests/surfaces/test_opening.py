@@ -230,8 +230,6 @@ def test_fsaverage5_opens_to_corresponding_disks(hemisphere, wall, n_vertices, n
         assert (len(surface.vertices), len(surface.boundary)) == (n_vertices, n_rim)
         assert len(chords(surface)) == 0
         np.testing.assert_array_equal(surface.faces, kinds["pial"].faces)
-    thickness = np.linalg.norm(kinds["pial"].vertices - kinds["white"].vertices, axis=1)
-    assert 2 < thickness.mean() < 4  # mm
     medial = {"left": 1, "right": -1}[hemisphere] * kinds["sphere"].vertices[:, 0]
     assert medial[kinds["sphere"].boundary].mean() > medial.mean() + 50
 
