@@ -99,9 +99,6 @@ def test_coefficient_of_an_anticonformal_map_is_infinite():
     assert np.isinf(abs(beltrami_coefficient(z, faces, np.conj(z)))).all()
 
 
-# Surface targets.
-
-
 def test_surface_target_of_a_lifted_plane_has_the_planar_coefficient():
     f = SLIDING(Z)
     turned = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
@@ -117,9 +114,6 @@ def test_surface_target_is_the_papers_formula_and_hides_folds():
     expected = (E - G + 2j * F) / (E + G + 2 * np.sqrt(E * G - F**2))
     np.testing.assert_allclose(beltrami_coefficient(Z, FACES, points), expected, atol=1e-12)
     assert abs(beltrami_coefficient(Z, FACES, space(np.conj(SLIDING(Z))))).max() < 1
-
-
-# Composition and inverse.
 
 
 MOVE = moebius(0.3 + 0.4j, 2.0)
@@ -256,9 +250,6 @@ def test_solver_equals_lapy():
     )
     ours = solve_beltrami(Z, FACES, mu, pinned, values)
     np.testing.assert_allclose(ours, theirs[:, 0] + 1j * theirs[:, 1], atol=1e-10)
-
-
-# Bad input.
 
 
 def with_vertex(value):

@@ -168,9 +168,6 @@ def test_thin_triangles_beyond_doubt_are_not_flipped(scale, shift, height):
     assert Disk(f, np.array([[0, 1, 2], [0, 1, 3]])).maybe_flipped.tolist() == [1]
 
 
-# The mean-value matrix.
-
-
 def test_mean_value_rows_are_averages_that_reproduce_linear_functions():
     """Floater's property at every interior vertex, in the plane of the mesh and in the metric of a constant mu."""
     inner = np.setdiff1d(np.arange(len(Z)), boundary_loop(FACES))
@@ -192,9 +189,6 @@ def test_mean_value_rows_of_slivers_stay_positive(height):
     matrix = mean_value_matrix(Disk(z, faces), edge_lengths(z[faces])).toarray()
     assert np.isfinite(matrix).all()
     assert (matrix[2, [0, 1, 3]] < 0).all() and matrix[2].sum() == pytest.approx(0, abs=1e-12)
-
-
-# The repair.
 
 
 def folding_problem(seed):

@@ -235,9 +235,6 @@ def test_many_at_once_are_many_and_changes_keep_zero_one_and_the_circle():
     assert abs((many * f.conj())[:, -18:].real).max() < 1e-12
 
 
-# Bad input.
-
-
 WHEEL, FACES = polar_disk(4, 12)
 
 
@@ -254,9 +251,6 @@ WHEEL, FACES = polar_disk(4, 12)
 def test_meshes_without_a_map_are_refused(z, faces, message):
     with pytest.raises((SurfaceError, BeltramiError), match=message):
         BeltramiDiskSolver(z, np.array(faces))
-
-
-# Angles.
 
 
 def test_angle_distortion_has_the_angle_of_its_own_corner():

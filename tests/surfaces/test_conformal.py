@@ -231,9 +231,6 @@ def test_the_last_resort_is_positive_weights_everywhere(monkeypatch):
     assert check_embedding(surface.faces, z).bijective
 
 
-# Bad input.
-
-
 def test_disk_without_interior_vertex():
     with pytest.raises(SurfaceError, match="no interior vertex"):
         disk_conformal_map(Surface([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]]))
