@@ -1,5 +1,4 @@
-"""`qclearn train`: every recipe runs, is resumed and shared by two processes,
-and its weights file loads and says its origin."""
+"""`qclearn train`: every recipe runs and is resumed, and its weights file loads and says its origin."""
 
 import json
 import sys
@@ -24,14 +23,8 @@ NARROW = {  # fewer channels than what is shipped, and coarser meshes
     "dbsnet": {"preset": "best", "channels": (4, 8, 8), "blocks": 1, "rings": 16, "spokes": 48},
 }
 
-RECIPES = [
-    ("ldnet", "best", None),
-    ("ldnet", "paper", None),
-    ("cpnet", "best", None),
-    ("cpnet", "paper", 1e4),
-    ("dbsnet", "best", None),
-    ("dbsnet", "paper", None),
-]
+RECIPES = [(name, "best", None) for name in NARROW]
+RECIPES += [("ldnet", "paper", None), ("cpnet", "paper", 1e4), ("dbsnet", "paper", None)]
 
 
 @pytest.fixture(scope="module")
@@ -77,19 +70,18 @@ def test_a_run_that_stopped_goes_on_to_the_same_weights(tmp_path, data, preset, 
         run_training("dbsnet", preset, out=part, **options)
     assert (part / "checkpoint.safetensors").exists() and not list(part.glob("dbsnet*"))
     resumed, again = run_training("dbsnet", preset, out=part, **options)
-    models = [load_file(path) for path in (whole, resumed)]
-    a, b = (model.state_dict() for model in models)
-    assert all(torch.equal(a[name], b[name]) for name in a)
+    model, other = load_file(whole), load_file(resumed).state_dict()
+    assert all(torch.equal(tensor, other[name]) for name, tensor in model.state_dict().items())
     assert row | {"seconds": 0} == again | {"seconds": 0}
     if preset in PAPERS:
-        assert models[0].header["config"]["loss"] == preset["loss"]
+        assert model.header["config"]["loss"] == preset["loss"]
         assert row["validation_comes"] > 0 and row["validation_mobius"] > 0
 
 
-@pytest.mark.parametrize(
-    "network, preset, gamma",
-    [("cpnet", "paper", None), ("cpnet", "best", 1e4), ("dbsnet", "best", 1e4), ("cpnet", "paper", 3e4)],
-)
+WRONG = [("cpnet", "paper", None), ("cpnet", "best", 1e4), ("dbsnet", "best", 1e4), ("cpnet", "paper", 3e4)]
+
+
+@pytest.mark.parametrize("network, preset, gamma", WRONG)
 def test_gamma_belongs_to_the_papers_cpnet_alone(tmp_path, network, preset, gamma):
     with pytest.raises(TrainingError, match="needs one of 10000, 100000, 200000"):
         run_training(network, preset, gamma, tmp_path)

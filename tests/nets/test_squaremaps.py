@@ -1,5 +1,4 @@
-"""Maps of images of mu: the exact ones, those of the shipped networks, and what they pass on of a
-change of mu."""
+"""Maps of images of mu: the exact ones, those of the shipped networks, what they pass on of a change of mu."""
 
 import numpy as np
 import pytest
@@ -42,8 +41,7 @@ def test_what_mu_is_changed_by_changes_the_map_as_its_gradient_says(fields, name
 
     given = mu.clone().requires_grad_()
     value(given).backward()
-    slope = (given.grad.conj() * change).real.sum().item()
-    step = 0.1
+    slope, step = (given.grad.conj() * change).real.sum().item(), 0.1
     with torch.no_grad():
         difference = (value(mu + step * change) - value(mu - step * change)).item() / (2 * step)
     assert abs(difference) > 1e-3 and slope == pytest.approx(difference, rel=0.2)

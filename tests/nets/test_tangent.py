@@ -1,5 +1,4 @@
-"""The derivative in closed form against the solver's own: smooth changes by their rate, single
-nodes by their size."""
+"""The derivative in closed form against the solver's own: smooth changes by rate, single nodes by size."""
 
 import numpy as np
 import pytest
@@ -20,19 +19,11 @@ def field(z):
     return 0.4 * np.cos(2 * z.real) * np.exp(1j * (2 * z.imag + z.real))
 
 
-def solved(mesh, grid):
-    """The `CoefficientMesh` of a mesh and the polar mesh `grid`, its solver at `field`; the map; and
-    the matrix from nu to the mesh's faces."""
-    link = CoefficientMesh(mesh, grid)
-    to_faces = grid.to_faces if mesh is grid else grid.interpolation(mesh.centroids)
-    return link, link.solver.solve(bounded(to_faces @ field(grid.z))), to_faces
-
-
 def both(mesh, grid, points):
-    """Gradients of Re f and Im f at points with respect to nu, (2, P, N): in closed form, and by
-    adjoint solves."""
-    link, f, to_faces = solved(mesh, grid)
-    samples, nu = mesh.interpolation(points), field(grid.z)
+    """Gradients of Re f and Im f at points by nu on the mesh `grid`, (2, P, N): in closed form, by adjoint solves."""
+    link, samples, nu = CoefficientMesh(mesh, grid), mesh.interpolation(points), field(grid.z)
+    to_faces = grid.to_faces if mesh is grid else grid.interpolation(mesh.centroids)
+    f = link.solver.solve(bounded(to_faces @ nu))
     grad_f = np.concatenate([samples.toarray(), 1j * samples.toarray()])
     exact = bounded_pullback(to_faces @ nu, link.solver.pullback(grad_f)) @ to_faces
     return Tangent(link, samples).gradients(nu, f), exact.reshape(2, len(points), -1)
@@ -79,8 +70,7 @@ def test_zero_stays_and_one_turns_not():
 
 
 def test_points_that_share_a_triangle_are_told_apart():
-    """Their difference is that of the triangle's corners: a kernel at the points themselves knows
-    nothing of it."""
+    """Their difference is that of the triangle's corners: a kernel at the points themselves knows nothing of it."""
     points = 0.31 + 0.2j + np.array([0, 0.01])
     closed, exact = both(Disk(*square_disk(32)), polar(12), points)
     there, here = (np.linalg.norm(part[:, 1] - part[:, 0]) for part in (exact, closed))

@@ -1,5 +1,4 @@
-"""The training loop: it learns, goes on after a kill to the same losses, shares a batch,
-and refuses what cannot run."""
+"""The training loop: it learns, goes on after a kill to the same losses, shares a batch, refuses what cannot run."""
 
 import csv
 import json
@@ -60,9 +59,7 @@ def run(folder, model=None, config=CONFIG, count=30):
 
 def test_it_learns_and_logs(tmp_path):
     model, last = run(tmp_path)
-    assert model.layer.weight.item() == pytest.approx(3, abs=0.3) and model.layer.bias.item() == pytest.approx(
-        -1, abs=0.3
-    )
+    assert [model.layer.weight.item(), model.layer.bias.item()] == pytest.approx([3, -1], abs=0.3)
     assert not model.training
     with (tmp_path / "log.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
@@ -70,10 +67,6 @@ def test_it_learns_and_logs(tmp_path):
     assert set(rows[0]) == {"step", "loss", "slope", "validation_loss", "validation_slope", "seconds"}
     assert float(rows[-1]["validation_loss"]) == last["validation_loss"] < 0.01  # from 4 at the start
     assert json.loads((tmp_path / "config.json").read_text())["training"]["rate"] == 0.2
-
-
-class Killed(Exception):
-    pass
 
 
 class Fragile(Line):
@@ -84,7 +77,7 @@ class Fragile(Line):
     def loss(self, batch, generator):
         self.calls += generator is not None
         if self.calls == 50:
-            raise Killed
+            raise KeyboardInterrupt
         return super().loss(batch, generator)
 
 
@@ -93,7 +86,7 @@ def test_a_killed_run_goes_on_to_the_same_numbers(tmp_path, monkeypatch, seconds
     """From the last row of its log, or from a checkpoint since, where the last was so many seconds ago."""
     monkeypatch.setattr(sys.modules["qclearn.nets.train"], "CHECKPOINT_SECONDS", seconds)
     whole, expected = run(tmp_path / "whole", Line(noise=0.5))
-    with pytest.raises(Killed):
+    with pytest.raises(KeyboardInterrupt):
         run(tmp_path / "killed", Fragile(noise=0.5))
     with safe_open(tmp_path / "killed" / "checkpoint.safetensors", framework="pt") as file:
         assert file.metadata()["step"] == kept
@@ -107,11 +100,9 @@ def test_a_killed_run_goes_on_to_the_same_numbers(tmp_path, monkeypatch, seconds
 
 def test_every_epoch_takes_every_item_once():
     config = replace(CONFIG, batch=7)
-    taken = torch.cat([batch_items(14, step, config) for step in range(6)])
-    for epoch in taken.reshape(3, 14):
-        assert sorted(epoch.tolist()) == list(range(14))
-    assert taken[:14].tolist() != taken[14:28].tolist()
-    assert torch.equal(batch_items(14, 3, config), batch_items(14, 3, config))
+    taken, again = (torch.cat([batch_items(14, step, config) for step in range(6)]).reshape(3, 14) for _ in range(2))
+    assert all(sorted(epoch) == list(range(14)) for epoch in taken.tolist()) and torch.equal(taken, again)
+    assert not torch.equal(taken[0], taken[1])
     assert len(batch_items(3, 5, config)) == 7  # a batch larger than the set goes round
 
 
@@ -120,35 +111,26 @@ def test_the_rate_warms_up_and_falls_to_zero():
     assert rate_at(32, CONFIG) == pytest.approx(0.5, abs=0.02) and rate_at(59, CONFIG) < 0.01
 
 
-@pytest.mark.parametrize(
-    "change, words",
-    [
-        ({"steps": 0}, "steps is 0"),
-        ({"batch": 0}, "batch is 0"),
-        ({"rate": 0.0}, "rate is 0.0"),
-        ({"rate": 1e30, "clip": 1e30}, "loss is .* at step"),
-        ({}, "empty"),
-    ],
-)
+BAD = [({"steps": 0}, "steps is 0"), ({"batch": 0}, "batch is 0"), ({"rate": 0.0}, "rate is 0.0"), ({}, "empty")]
+
+
+@pytest.mark.parametrize("change, words", [*BAD, ({"rate": 1e30, "clip": 1e30}, "loss is .* at step")])
 def test_what_cannot_run_is_refused(tmp_path, change, words):
     with pytest.raises(TrainingError, match=words):
         run(tmp_path, config=replace(CONFIG, **change), count=30 if change else 0)
 
 
-def test_the_folder_of_another_run_is_refused_and_kept(tmp_path):
+def test_the_folder_of_another_run_is_refused_and_kept_and_a_damaged_one_too(tmp_path):
     run(tmp_path)
-    before = (tmp_path / "checkpoint.safetensors").read_bytes()
+    files = {path: path.read_bytes() for path in (tmp_path / "checkpoint.safetensors", tmp_path / "config.json")}
     with pytest.raises(TrainingError, match="other settings .training.rate differ."):
         run(tmp_path, config=replace(CONFIG, rate=0.01))
-    assert (tmp_path / "checkpoint.safetensors").read_bytes() == before
-
-
-@pytest.mark.parametrize("name", ["checkpoint.safetensors", "config.json"])
-def test_a_damaged_run_is_refused(tmp_path, name):
-    run(tmp_path)
-    (tmp_path / name).write_bytes((tmp_path / name).read_bytes()[:20])
-    with pytest.raises(TrainingError, match="is damaged|cannot be used"):
-        run(tmp_path)
+    for path, before in files.items():
+        assert path.read_bytes() == before
+        path.write_bytes(before[:20])
+        with pytest.raises(TrainingError, match="is damaged|cannot be used"):
+            run(tmp_path)
+        path.write_bytes(before)
 
 
 SECOND = """
