@@ -83,7 +83,10 @@ class BestCPNet(CoefficientNetwork):
         with torch.autocast(p.device.type, enabled=False), torch.no_grad():
             size = self.grid.mean_square(nu).sqrt() + SMALL
             features = self.features(p, wanted, left, mask, nu, size)
-            conditions = self.conditions(mask, logs, size)
+            # Conditions (B, 4): the clipped weights, the number of landmarks and the size of nu.
+            low, high = torch.tensor([self.config.smooth, self.config.match]).to(logs).T
+            sizes = torch.log10(torch.stack([mask.sum(1) / 100, size], 1))
+            conditions = torch.cat([logs.clamp(low, high) - logs.new_tensor([0, 4]), sizes], 1)
         change = self.unet(features, conditions).float()
         factor, more = torch.complex(change[:, ::2], change[:, 1::2]).unbind(1)
         return nu * (1 + factor) + size[:, None, None] * more * self.spoke**2
@@ -103,12 +106,6 @@ class BestCPNet(CoefficientNetwork):
         values = torch.stack([values.real, values.imag, torch.ones_like(mask)], 1) * mask[:, None]
         spread = self.grid.splat(values, places)[:, :, 1:].unflatten(2, self.grid.z.shape)
         return torch.complex(spread[:, 0], spread[:, 1]), spread[:, 2]
-
-    def conditions(self, mask, logs, size):
-        """(B, 4): the clipped weights, the number of landmarks and the size of nu."""
-        low, high = torch.tensor([self.config.smooth, self.config.match]).to(logs).T
-        sizes = torch.log10(torch.stack([mask.sum(1) / 100, size], 1))
-        return torch.cat([logs.clamp(low, high) - logs.new_tensor([0, 4]), sizes], 1)
 
     def answer(self, problem, weights, looks=None):
         """mu (F,) of a `Problem`.

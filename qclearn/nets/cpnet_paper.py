@@ -89,10 +89,17 @@ class PaperCPNet(CoefficientNetwork):
             angle = torch.pi / 2 * torch.rand(len(p), 1, generator=generator).to(p.real)
             other = p[torch.randperm(len(p), generator=generator)]
             p = targets + angle.cos() * (p - targets) + angle.sin() * (other - targets)
-        mesh, maps = self.twin(p.device)
-        mu = self(p)
+        if self.solver is None:
+            # The square's mesh and images mu -> maps (B, V): no part of this network's weights.
+            mesh = LossMesh(Disk(*square_disk(self.config.size))).to(p.device)
+            self.solver = mesh, maps_through(self.config.through, self.config.size, p.device)
+        (mesh, maps), mu, side = self.solver, self(p), self.config.size + 1
         with torch.autocast(p.device.type, enabled=False):
-            w = p + self.sample(maps(mu) - mesh.z, p)
+            # How far the maps move the square's vertices, interpolated at the landmarks.
+            shift = torch.view_as_real(maps(mu) - mesh.z).mT.unflatten(2, (side, side))
+            places = square_places(p)[:, None]  # (B, 1, M, 2)
+            shift = functional.grid_sample(shift, places, align_corners=True)[:, :, 0]
+            w = p + torch.complex(*shift.unbind(1))
             if self.config.loss != "printed":
                 w = mobius_of(w, *fit_mobius(w, targets))
             loss = self.distance(mesh, mu.flatten(1).repeat(1, 2), w, targets)
@@ -112,21 +119,6 @@ class PaperCPNet(CoefficientNetwork):
         if self.config.loss == "whole":
             loss = loss + weights.beta * L_lost(mesh, mu, shares)
         return loss
-
-    def twin(self, device):
-        """[the square's mesh, images mu -> maps (B, V)]: no part of this network's weights."""
-        if self.solver is None:
-            mesh = LossMesh(Disk(*square_disk(self.config.size))).to(device)
-            self.solver = [mesh, maps_through(self.config.through, self.config.size, device)]
-        return self.solver
-
-    def sample(self, values, points):
-        """Values (B, V) at the vertices of the square, interpolated at points (B, P) of the disk."""
-        side = self.config.size + 1
-        image = torch.stack([values.real, values.imag], 1).unflatten(2, (side, side))
-        places = square_places(points)[:, None]  # (B, 1, P, 2)
-        sampled = functional.grid_sample(image, places, align_corners=True)[:, :, 0]
-        return torch.complex(sampled[:, 0], sampled[:, 1])
 
     def usual(self, alpha):
         return Weights(alpha, 1.0, alpha * self.config.gamma)

@@ -89,22 +89,15 @@ class PaperLDNet(nn.Module):
                 "'best'"
             )
         grey, radius, _ = picture(surface, z, self.config.size)
-        device = next(self.parameters()).device
-        ends = torch.as_tensor(radius.to_image(z[endpoints]))
-        marks = nearest_pixels(ends.flatten(), self.config.size)
-        images = torch.stack([torch.as_tensor(grey), marks])[None].to(device, torch.float32)
-        curves = self(images, ends[None].to(device, torch.complex64))[0]
+        device, size = next(self.parameters()).device, self.config.size
+        ends = radius.to_image(z[endpoints])
+        # The second channel is 255 at the pixels nearest the endpoints.
+        place = (np.stack([ends.imag, ends.real]) + 1) * size / 2  # row, column
+        marks = np.zeros_like(grey)
+        marks[tuple(place.astype(int).clip(0, size - 1))] = 255
+        images = torch.as_tensor(np.stack([grey, marks]))[None].to(device, torch.float32)
+        curves = self(images, torch.as_tensor(ends)[None].to(device, torch.complex64))[0]
         curves = curves.cpu().numpy().astype(complex)
         curves = radius.from_image(curves / np.maximum(abs(curves), 1))
         curves[:, [0, -1]] = z[endpoints]
         return list(curves)
-
-
-def nearest_pixels(points, size):
-    """Image (size, size): 255 at the pixels nearest the points (n,), complex, elsewhere 0."""
-    column, row = (
-        ((part + 1) * size / 2).long().clamp(0, size - 1) for part in (points.real, points.imag)
-    )
-    image = torch.zeros(size, size, dtype=torch.float64)
-    image[row, column] = 255
-    return image

@@ -42,8 +42,16 @@ class PolarSolver:
             raise ValueError(f"PolarSolver needs at least 2 rings; got {nr}")
         self.nr, self.nt = nr, nt
         self.mesh = Disk(*polar_disk(nr, nt, power))
-        # A face a ring, the others are turned.
-        edges = _edge_tables(self.mesh.gradients[::nt], self.mesh.areas[::nt])
+        # Coefficients (edge, 3, face, 1) of the edge weights by the terms in mu, for a face a ring:
+        # the others are turned.
+        gradients, areas, edges = self.mesh.gradients[::nt], self.mesh.areas[::nt], []
+        inward = np.arange(len(areas))[:, None] % 2 == 1
+        inward[0] = True
+        for first, second in zip(POINTING_IN, POINTING_OUT):
+            a, b = np.where(inward, gradients[:, first], gradients[:, second]).T
+            product = areas * (a * b).conj()
+            edges.append([-areas * (a.conj() * b).real, product.real, -product.imag])
+        edges = np.array(edges)[..., None]
         turn = np.exp(-4j * np.pi * np.arange(nt) / nt)
         tables = {"edges": edges, "turn": np.stack([turn.real, turn.imag])}
         tables |= _reduction(edges[:, 0, :, 0], nt)
@@ -192,18 +200,6 @@ def _edge_weights(mu, rows, tables):
     spoke = torch.cat([fan, spoke[:, 1::2] + spoke[:, 2::2].roll(1, -1)], 1)
     arc = torch.cat([none, torch.cat([arc[:, :1], arc[:, 1:-2:2]], 1) + arc[:, 2::2]], 1)
     return spoke, arc, torch.cat([none, diagonal[:, 1::2] + diagonal[:, 2::2]], 1)
-
-
-def _edge_tables(gradients, areas):
-    """Coefficients (edge, 3, face, 1) of the edge weights by the terms in mu."""
-    inward = np.arange(len(areas)) % 2 == 1
-    inward[0] = True
-    tables = []
-    for first, second in zip(POINTING_IN, POINTING_OUT):
-        a, b = np.where(inward[:, None], gradients[:, first], gradients[:, second]).T
-        product = areas * (a * b).conj()
-        tables.append([-areas * (a.conj() * b).real, product.real, -product.imag])
-    return np.array(tables)[..., None]
 
 
 def _reduction(plain, nt):

@@ -67,9 +67,18 @@ class Tangent:
         self.corners = np.concatenate([samples.indices.reshape(-1, 3), corners])
         self.points = three_a_row(self.barycentric, self.corners, len(solver.disk.z))
         self.close = self.close_pairs(solver.disk.z)
-        self.find_parts()
+        # Of the close pairs' nodes, the parts; point, part (E,): which point needs which part.
+        needed = (self.close @ self.carrier.hats.T).tocoo()
+        used, self.part = np.unique(needed.col, return_inverse=True)
+        self.point, self.hats = needed.row, self.carrier.hats[used]
+        self.areas, self.values = self.carrier.areas_fine[used], self.carrier.values_fine[used]
         self.spread = self.spread_parts()
-        self.mirrored, self.replaced = self.near_the_circle(solver.disk.z)
+        # The needed parts and the close pairs of points whose mirror images are near, too.
+        (row, node), centre = self.close.nonzero(), self.points @ solver.disk.z
+        reach = np.zeros(len(centre))
+        np.maximum.at(reach, row, abs(self.carrier.z[node] - centre[row]))
+        rim = 1 - abs(centre) < reach
+        self.mirrored, self.replaced = np.flatnonzero(rim[self.point]), np.flatnonzero(rim[row])
 
     def close_pairs(self, z):
         """Sparse (P + 2, N), 1 where a node lies within its reach, and the size of the point's
@@ -86,16 +95,6 @@ class Tangent:
         shape = len(centre), len(carrier.z)
         return sparse.csr_array((np.ones(inside.sum()), places), shape=shape)
 
-    def find_parts(self):
-        """Of the close pairs' nodes, the parts: hats, areas, values; point, part (E,): which point
-        needs which part."""
-        needed = (self.close @ self.carrier.hats.T).tocoo()
-        used, self.part = np.unique(needed.col, return_inverse=True)
-        self.point = needed.row
-        self.hats = self.carrier.hats[used]
-        self.areas = self.carrier.areas_fine[used]
-        self.values = self.carrier.values_fine[used]
-
     def spread_parts(self):
         """Sparse (pairs, E): the share of each needed part that belongs to each close pair."""
         number = np.full(self.close.shape, -1)
@@ -107,15 +106,6 @@ class Tangent:
         starts = np.concatenate([[0], np.cumsum(counted.sum(1))])
         entries = share[counted], pair[counted], starts
         return sparse.csc_array(entries, shape=(self.close.nnz, len(self.point)))
-
-    def near_the_circle(self, z):
-        """Which needed parts and which close pairs belong to points whose mirror images are near,
-        too."""
-        (row, node), centre = self.close.nonzero(), self.points @ z
-        reach = np.zeros(len(centre))
-        np.maximum.at(reach, row, abs(self.carrier.z[node] - centre[row]))
-        rim = 1 - abs(centre) < reach
-        return np.flatnonzero(rim[self.point]), np.flatnonzero(rim[row])
 
     def gradients(self, nu, f):
         """Gradients of Re f(p) and Im f(p) by nu (N,), complex (2, P, N), for the solver's map f
@@ -136,19 +126,16 @@ class Tangent:
         """P, Q (P + 2, N), `dk(p) = sum P dnu + Q conj(dnu)`, 0 and 1 last; complex64: four digits
         in half the time."""
         both = np.stack([f, self.carrier.slope @ f], axis=1)
-        P, Q = self.kernel(nu, both, dtype)
+        # `dk(p) = sum P dmu + Q conj(dmu)`, a node for its cell.
+        w, size, mass = cells(self.carrier.areas, nu, self.carrier.values @ both, dtype)
+        at = (self.points @ both[:, 0]).astype(dtype)[:, None]
+        P, Q = mass * inverse(w - at, size), mass.conj() * at**3 * inverse(1 - at * w.conj(), size)
         self.refine_near(P, Q, nu, both)
         # dmu = a dnu + b conj(dnu).
         along, across = (bounded_pullback(nu, unit) for unit in (1.0, 1j))
         a = ((along - 1j * across) / 2).real.astype(P.real.dtype)
         b = ((along + 1j * across) / 2).astype(dtype)
         return P * a + Q * b.conj(), P * b + Q * a
-
-    def kernel(self, nu, both, dtype):
-        """P, Q (P + 2, N) with `dk(p) = sum P dmu + Q conj(dmu)`, a node for its cell."""
-        w, size, mass = cells(self.carrier.areas, nu, self.carrier.values @ both, dtype)
-        at = (self.points @ both[:, 0]).astype(dtype)[:, None]
-        return mass * inverse(w - at, size), mass.conj() * at**3 * inverse(1 - at * w.conj(), size)
 
     def refine_near(self, P, Q, nu, both):
         """P at close pairs, and Q where mirror images are near, by the parts and the corners."""

@@ -120,7 +120,7 @@ def train(model, training, validation, config, folder, progress=True):
                 saved = time.perf_counter()
         bar.close()
     model.eval()
-    return log.last()
+    return {name: float(value) for name, value in log.rows[-1].items()}
 
 
 def take_step(objective, optimiser, training, config, step, process):
@@ -128,7 +128,8 @@ def take_step(objective, optimiser, training, config, step, process):
     rank, world, device = process
     items = batch_items(len(training), step, config)[rank::world]
     batch = tuple(tensor[items].to(device) for tensor in training.tensors)
-    generator = torch.Generator().manual_seed(seed_of(config.seed, step, rank))
+    seed = np.random.SeedSequence((config.seed, step, rank)).generate_state(1, np.uint64)[0]
+    generator = torch.Generator().manual_seed(int(seed >> 1))
     for group in optimiser.param_groups:
         group["lr"] = config.rate * rate_at(step, config)
     optimiser.zero_grad()
@@ -152,11 +153,6 @@ def batch_items(count, step, config):
     for epoch in set(places // count):
         orders[epoch] = np.random.default_rng([config.seed, epoch]).permutation(count)
     return torch.tensor([orders[k // count][k % count] for k in places])
-
-
-def seed_of(*numbers):
-    """One 63-bit seed from several numbers."""
-    return int(np.random.SeedSequence(numbers).generate_state(1, np.uint64)[0] >> 1)
 
 
 def rate_at(step, config):
@@ -216,10 +212,6 @@ class Log:
             writer.writeheader()
             writer.writerows(self.rows)
 
-    def last(self):
-        """The last row as numbers."""
-        return {name: float(value) for name, value in self.rows[-1].items()}
-
 
 @contextmanager
 def process_group():
@@ -273,8 +265,7 @@ def read_checkpoint(folder, model, optimiser, device):
             header, tensors = file.metadata(), {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except SafetensorError as error:
         raise TrainingError(f"{path} is damaged ({error}); remove it to start again") from None
-    parameters = {}
-    state = {}
+    parameters, state = {}, {}
     for name, value in tensors.items():
         part, name = name.split(".", 1)
         if part == "model":
