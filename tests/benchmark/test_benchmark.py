@@ -156,9 +156,6 @@ def test_an_unreachable_scheduler_is_named(tmp_path, folder, monkeypatch, addres
         small(tmp_path / "r.json", folder, scheduler=address)
 
 
-# What is asked for, before anything runs
-
-
 REFUSED = [  # what is asked for, and what is said of it
     ({"runs": [Run("a", "magic")]}, "there is no method 'magic'; there are mobius_only, harmonic"),
     ({"runs": [Run("a", "harmonic", {"lambda": 1})]}, "harmonic has no parameter lambda; it has weight, correct"),

@@ -1,5 +1,4 @@
-"""The benchmark's problems on real cortex, and what is measured where nobody knows the truth, on
-bowls with folds."""
+"""The benchmark's problems on real cortex, and what is measured where nobody knows the truth, on bowls with folds."""
 
 from dataclasses import replace
 

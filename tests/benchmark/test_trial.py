@@ -3,6 +3,7 @@
 import warnings
 from dataclasses import replace
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -63,12 +64,7 @@ def test_landmarks_are_the_curves_matched_by_arc_length_or_their_true_images(pai
 
 
 def test_detected_curves_are_found_between_the_moving_ends(pair, monkeypatch):
-    asked = []
-
-    def detect(surface, z, endpoints):
-        asked.append(endpoints.tolist())
-        return detect_curves(surface, z, endpoints)
-
+    detect = Mock(side_effect=detect_curves)
     # A landmarks file of both surfaces' own curves says that these are not to be detected.
     fixed = replace(pair, curves=tuple(curve | {"detect": False} for curve in pair.curves))
     moving, ends = pair.moving, [[curve["moving"][0], curve["moving"][-1]] for curve in pair.curves]
@@ -78,7 +74,7 @@ def test_detected_curves_are_found_between_the_moving_ends(pair, monkeypatch):
         found = prepare(fixed, source)
         np.testing.assert_allclose(found.target, prepare(pair).target)
         np.testing.assert_allclose((found.samples - shortest).toarray(), 0, atol=1e-9)
-    assert asked == [ends]
+    assert [call.args[2].tolist() for call in detect.mock_calls] == [ends]
 
 
 @pytest.mark.parametrize("distance", [0.05, 0.3])
@@ -129,13 +125,12 @@ def test_a_radius_is_judged_where_it_is_asked_for_and_the_truth_is_known(pair, m
 def test_a_radius_is_judged_by_held_out_curves_where_no_truth_is_known(monkeypatch):
     """Two thirds of the vertices lie on the other side's curve, the others 2 mm above it."""
     side = dome()
-    curves = tuple(curves_of_both(side.surface, side.surface))
-    held = curves[1:2]
-    points, path = side.surface.vertices.copy(), held[0]["moving"]
+    fitted, held, _ = curves_of_both(side.surface, side.surface)
+    points, path = side.surface.vertices.copy(), held["moving"]
     points[path[::3], 2] += 2
     answer = SimpleNamespace(points=points, uncertainty=np.ones(len(points)))
     monkeypatch.setattr("qclearn.benchmark.trial.register", lambda *given, **settings: answer)
-    found = judge_radius(Pair(side, side, curves[:1], held=held), Run("folds", "landmark_free", uncertainty=True))
+    found = judge_radius(Pair(side, side, (fitted,), held=(held,)), Run("folds", "landmark_free", uncertainty=True))
     assert found["curve_coverage"] == pytest.approx(1 - len(path[::3]) / len(path)) and found["curve_radius_mm"] == 1
     assert 1 < found["curve_ratio_90"] < 2.1 and found["coverage"] is None
 
@@ -149,9 +144,7 @@ def test_a_shifted_map_is_off_by_its_shift(pair):
 
 def test_a_folded_map_is_not_certified_and_one_off_the_circle_neither(pair):
     def folded(problem):
-        f = problem.disk.z.copy()
-        f[5] = 0.9
-        return f
+        return np.where(np.arange(len(problem.disk.z)) == 5, 0.9, problem.disk.z)
 
     row = trial(pair, Run("folded", "folded"), folded)
     assert row["flipped"] > 0 and not row["bijective"] and not row["certified"]

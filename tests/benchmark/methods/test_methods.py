@@ -1,5 +1,4 @@
-"""The registration methods on problems whose answer is known, and the solver that several of them
-share."""
+"""The registration methods on problems whose answer is known, and the solver that several of them share."""
 
 from importlib import import_module
 from types import SimpleNamespace
@@ -46,8 +45,7 @@ def mesh():
 
 @pytest.fixture(scope="module")
 def moved(mesh):
-    """A problem whose targets come from a known map of |mu| up to 0.4, found on a finer mesh than
-    the problem's."""
+    """A problem whose targets come from a known map of |mu| up to 0.4, found on a finer mesh than the problem's."""
     fine = Disk(*polar_disk(24, 72))
     f = DiskSolver(fine).solve(random_mu(np.random.default_rng(0), fine.z, fine.faces, 0.4))
     p, curve = four_curves()
@@ -58,10 +56,7 @@ def error(problem, f):
     return abs(problem.samples @ f - problem.target).mean()
 
 
-# All methods but the networks
-
-# Of the Teichmüller iteration, whose mean |mu| creeps, and of a fit to landmarks that a Möbius map
-# takes where they go.
+# Of the Teichmüller iteration, whose mean |mu| creeps, and of a fit to landmarks that a Möbius map takes where they go.
 SAID = ("not settled after", "that map is returned")
 pytestmark = [pytest.mark.filterwarnings(f"ignore:.*{words}:qclearn.plane.bijectivity.RepairWarning") for words in SAID]
 
@@ -70,8 +65,7 @@ pytestmark = [pytest.mark.filterwarnings(f"ignore:.*{words}:qclearn.plane.biject
 def test_landmarks_matched_by_a_mobius_map_give_it(name, mesh):
     p, curve = four_curves()
     f = METHODS[name](Problem(mesh, p, MOVED(p), curve))
-    # Between the vertices of a mesh of this width (0.065) the Möbius map is off its linear
-    # interpolant by up to 4e-3.
+    # Between the vertices of a mesh of this width (0.065) the Möbius map is off its linear interpolant by up to 4e-3.
     np.testing.assert_allclose(f, MOVED(mesh.z), atol=8e-3)
     assert mesh.certify(f).bijective
 
@@ -85,9 +79,6 @@ def test_a_known_map_is_approached_turns_with_the_targets_and_keeps_the_circle(n
     np.testing.assert_allclose(METHODS[name](turned), 1j * f, atol=1e-4)
     if name != "thin_plate":
         np.testing.assert_allclose(abs(f[moved.disk.loop]), 1, atol=1e-12)
-
-
-# The shared solver
 
 
 def test_the_solution_has_the_least_energy(moved):
@@ -111,9 +102,6 @@ def test_truncation_keeps_the_direction_and_the_small():
     np.testing.assert_allclose(truncated(mu), [0.5j, 0.594 - 0.792j, 0, 0, 0])
 
 
-# Harmonic maps and their overlap correction
-
-
 def crossing(mesh, shift):
     """Two short curves that turn by a share `shift` of the circle, among landmarks that stay: no method without
     correction stays unfolded."""
@@ -131,7 +119,7 @@ def test_a_heavier_weight_brings_landmarks_nearer_and_distorts_more(moved):
     np.testing.assert_allclose(harmonic(moved, 0.0), METHODS["mobius_only"](moved), atol=2e-3)
 
 
-def test_overlap_correction_unfolds(mesh, moved):
+def test_overlap_correction_unfolds(mesh, moved, monkeypatch):
     problem = crossing(mesh, 0.2)
     folded = harmonic(problem, 50.0, correct=False)
     assert len(mesh.at(folded).maybe_flipped) > 0
@@ -140,10 +128,6 @@ def test_overlap_correction_unfolds(mesh, moved):
     assert mesh.certify(f).bijective
     assert error(problem, f) < 0.7 * error(problem, METHODS["mobius_only"](problem))
     np.testing.assert_array_equal(harmonic(moved, 1.0), harmonic(moved, 1.0, correct=False))  # nothing to correct
-
-
-def test_overlap_correction_says_when_it_fails(mesh, monkeypatch):
-    problem = crossing(mesh, 0.2)
     module = import_module("qclearn.benchmark.methods.harmonic")  # not the function of that name
     monkeypatch.setattr(module, "MOST_ROUNDS", 0)
     with pytest.warns(RepairWarning, match=r"(\d+) faces flipped, \1 after 0 rounds"):
@@ -158,9 +142,6 @@ def test_smoothing_keeps_the_argument_and_evens_the_modulus(moved):
     soft = smoothed(solver, rough, 2.0)
     np.testing.assert_allclose(np.angle(soft), 0.4, atol=1e-9)
     assert abs(soft).std() < 0.5 * abs(moved.disk.to_vertices @ rough)[moved.disk.faces].mean(1).std()
-
-
-# Quasi-conformal iteration
 
 
 def test_quasi_conformal_iteration_is_smoother_than_one_solve(moved):
@@ -182,12 +163,8 @@ def test_quasi_conformal_iteration_lets_landmarks_go_where_they_fold(mesh):
     assert error(problem, f) > 1e-4
 
 
-# Teichmüller maps
-
-
 def displacement(rings):
-    """Teichmüller's displacement problem on an ellipse, carried to the disk: (solver, mu's
-    modulus).
+    """Teichmüller's displacement problem on an ellipse, carried to the disk: (solver, mu's modulus).
 
     With `w = R e^it + e^-it / R` the affine map that swaps the ellipse's axes, seen through `w^2`
     (shifted by 2 before and after), is the map of the ellipse with semi-axes `R^2 + R^-2`, `R^2 -
@@ -223,9 +200,6 @@ def test_teichmullers_displacement_is_found_with_its_constant():
     assert spreads[1] < 0.7 * spreads[0] < 0.03
 
 
-# Thin plates
-
-
 def test_thin_plates_reproduce_affine_maps_which_leave_the_circle(mesh):
     p = np.concatenate([r * np.exp(1j * np.pi / 4 * np.arange(8)) for r in (0.3, 0.6)])  # the best Möbius map is none
     f = thin_plate(Problem(mesh, p, 0.6 * p + 0.2 * p.conj()))
@@ -238,53 +212,46 @@ def test_smoothing_lets_thin_plates_bend_less(moved):
     assert exact < 0.6 * soft
 
 
-# Networks, with stand-ins of known quality in their place
+def twins(monkeypatch, quality):
+    """Puts exact answers behind the networks' calls, a fit's mu, shrunk by `quality`, and the exact solver, and returns
+    the list of what is asked for."""
 
+    def network(*words):
+        asked.append(words)
+        return SimpleNamespace(predict=predict, solve=solve_beltrami_disk)
 
-@pytest.fixture
-def twins(monkeypatch):
-    """twins(quality) puts exact answers behind the networks' calls, a fit's mu, shrunk by `quality`, and the exact
-    solver, and returns the list of what was asked for."""
+    def predict(*given, **more):
+        return quality * fit_landmarks(*given, **more).mu
 
-    def put(quality):
-        def network(*words):
-            asked.append(words)
-            return SimpleNamespace(predict=predict, solve=solve_beltrami_disk)
-
-        def predict(z, faces, moving, target, alpha, beta, gamma, curve):
-            return quality * fit_landmarks(z, faces, moving, target, alpha, beta, gamma, curve).mu
-
-        asked = []
-        monkeypatch.setattr(networks, "network", network)
-        return asked
-
-    return put
+    asked = []
+    monkeypatch.setattr(networks, "network", network)
+    return asked
 
 
 @pytest.mark.parametrize("name", [*NETWORK_METHODS, "coarse_steps"])
-def test_perfect_networks_and_their_exact_counterpart_give_the_fits_map(name, moved, twins):
-    twins(1.0)
+def test_perfect_networks_and_their_exact_counterpart_give_the_fits_map(name, moved, monkeypatch):
+    twins(monkeypatch, 1.0)
     fit, f = METHODS["gauss_newton"](moved), METHODS[name](moved)
     assert abs(f - fit).max() < 0.02 and error(moved, f) < 2e-3
     np.testing.assert_allclose(abs(f[moved.disk.loop]), 1, atol=1e-12)
 
 
-def test_steps_bring_a_poor_start_nearer(moved, twins):
-    twins(0.6)
+def test_steps_bring_a_poor_start_nearer(moved, monkeypatch):
+    twins(monkeypatch, 0.6)
     errors = [error(moved, METHODS["cpnet_exact"](moved))]
     errors += [error(moved, METHODS["cpnet_steps"](moved, steps=steps)) for steps in (1, 2)]
     assert errors[1] < 0.3 * errors[0] and errors[2] < errors[0]
 
 
-def test_the_guard_refines_a_poor_answer_and_says_so(moved, twins):
-    twins(0.6)
+def test_the_guard_refines_a_poor_answer_and_says_so(moved, monkeypatch):
+    twins(monkeypatch, 0.6)
     assert error(moved, METHODS["cpnet_dbsnet"](moved)) > networks.TIGHT_TOLERANCE
     with pytest.warns(RepairWarning, match="Gauss-Newton steps, to"):
         f = METHODS["guarded"](moved)
     assert error(moved, f) < networks.TIGHT_TOLERANCE
 
 
-def test_presets_and_weights_reach_the_networks(moved, twins):
-    asked = twins(1.0)
+def test_presets_and_weights_reach_the_networks(moved, monkeypatch):
+    asked = twins(monkeypatch, 1.0)
     METHODS["cpnet_dbsnet"](moved, preset="paper", alpha=1.0, beta=1.0, gamma=1e4)
     assert asked == [("cpnet", "paper", 1e4), ("dbsnet", "paper")]

@@ -54,9 +54,6 @@ def pair(parts):
     return Pair(moving, control, curves[:2], *truth, held=curves[2:], there_and_back=True)
 
 
-# Spheres
-
-
 def test_a_closed_surface_has_a_patch_over_its_hole(parts):
     opened, whole, _ = parts
     found = closed(opened)
@@ -103,9 +100,6 @@ def test_a_bad_sphere_is_a_row_and_a_method_of_the_disk_goes_on(pair):
     assert of("mobius_only", without) is None
     row = trial(pair, Run("bad", "bad"), lambda problem: sphere.points[:9])
     assert "returned an array of shape (9, 3)" in row["message"] and "one point of the sphere" in row["message"]
-
-
-# Maps of spheres, judged as the others
 
 
 def test_the_best_rotation_turns_the_ball_back(pair):
