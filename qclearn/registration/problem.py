@@ -61,8 +61,9 @@ class Weights:
         `L_Landmark = mean off^2`, `L_CP = alpha L_mu + beta L_grad_mu + gamma L_Landmark`. Source:
         paper, eqs. muloss, musmooth, lmloss, RegLoss."""
         mismatch = (off**2).mean() if len(off) else 0.0
-        terms = dict(zip(self.factors, map(float, (mean_square, mean_gradient, mismatch))))
-        return terms | {"L_CP": sum(factor * terms[name] for name, factor in self.factors.items())}
+        whole = self.alpha * mean_square + self.beta * mean_gradient + self.gamma * mismatch
+        numbers = map(float, (mean_square, mean_gradient, mismatch, whole))
+        return dict(zip(("L_mu", "L_grad_mu", "L_Landmark", "L_CP"), numbers))
 
 
 @dataclass(frozen=True, eq=False)
