@@ -34,9 +34,6 @@ def paper():
     return network("dbsnet-paper"), *batch("dbsnet-paper")
 
 
-# By construction.
-
-
 def test_best_maps_keep_the_circle_before_anything_is_put_right(best):
     net, mu = best
     boundary = net(mu)[:, -16:]
@@ -98,9 +95,6 @@ def test_poisson_matrix_extends_harmonically():
     z = np.array([0, 0.5, 0.3j, -0.6 + 0.2j])
     extended = np.cos(3 * angle + 1) @ poisson_matrix(z, np.exp(1j * angle))
     np.testing.assert_allclose(extended, (z**3 * np.exp(1j)).real, atol=1e-6)
-
-
-# Against the exact solver.
 
 
 def test_gauges_of_the_identity_of_a_moved_map_and_of_half_the_way():

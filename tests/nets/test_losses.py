@@ -41,17 +41,10 @@ def problem():
     return LossMesh(disk, torch.float64), *(torch.from_numpy(x)[None] for x in (mu, f)), disk
 
 
-def perturbed(f, size=0.05):
-    rng = np.random.default_rng(2)
-    return f + size * torch.from_numpy(rng.normal(size=f.shape) + 1j * rng.normal(size=f.shape))
-
-
-# L_LBS.
-
-
 def test_losses_are_those_of_the_assembled_matrix_the_gradient_and_the_energy(problem):
     mesh, mu, f, disk = problem
-    w = perturbed(f).requires_grad_()
+    noise = np.random.default_rng(2).normal(size=(2, *f.shape))
+    w = (f + 0.05 * torch.from_numpy(noise[0] + 1j * noise[1])).requires_grad_()
     expected = disk.stiffness(mu[0].numpy()) @ w[0].detach().numpy()
     np.testing.assert_allclose(mesh.apply(mu, w)[0].detach(), expected, atol=1e-12)
     both = energy(mesh, mu, w), energy(mesh, mu, w) - area(mesh, w)
@@ -94,9 +87,6 @@ def test_printed_loss_allows_the_collapse_and_the_corrected_one_does_not():
         f[abs(z).argmin()] = 0  # the other point that the corrected loss holds
     corrected = [L_LBS(mesh, given, torch.from_numpy(f)[None]).item() for f in maps]
     assert min(corrected[1:]) > 20 * corrected[0], (printed, corrected)
-
-
-# The other losses against their printed sums.
 
 
 def test_boundary_loss_is_least_for_equal_angles():
