@@ -1,5 +1,4 @@
-"""The grown hemisphere: a folded disk with curves in its sulci, the same for the same seed, and
-files of it."""
+"""The grown hemisphere: a folded disk with curves in its sulci, the same for the same seed, and files of it."""
 
 import json
 from dataclasses import asdict, replace
@@ -46,10 +45,6 @@ SIZE = 2500
 @cache
 def subject(seed=1, hemisphere="left"):
     return grown(seed, SIZE, hemisphere)
-
-
-def edge_lengths(surface):
-    return np.linalg.norm(np.diff(surface.vertices[surface.edges], axis=1)[:, 0], axis=1)
 
 
 @pytest.mark.parametrize("hemisphere", ["left", "right"])
@@ -162,8 +157,7 @@ def test_generations_are_not_mixed():
 
 
 def test_the_template_leans_to_itself():
-    """The kept pattern is that of the template's own folds, deep where its named sulci run, and
-    even in between."""
+    """The kept pattern is that of the template's own folds, deep where its named sulci run, and even in between."""
     courses = {name: sulcus_course(points)[20:-20] for name, points in SULCI.items()}
     assert min(pattern(course).mean() for course in courses.values()) > 0.3
     tree, depth = template_folds()
@@ -181,8 +175,7 @@ def test_the_pattern_was_grown_with_the_constants_of_each_generation(generation)
 
 
 def test_gaps_and_branches_are_recorded_where_they_were_drawn():
-    """Strength along a course falls in the middle where, and only where, the sulcus is listed as
-    interrupted."""
+    """Strength along a course falls in the middle where, and only where, the sulcus is listed as interrupted."""
     for seed in range(3):
         person = Individual(seed, "left")
         person.rng = np.random.default_rng(seed)  # as if the mesh had been made
@@ -213,7 +206,7 @@ def test_correspondence_there_and_back(other):
     assert np.allclose(correspondence(a, b), np.einsum("pk,pkj->pj", weights, b.surface.vertices[corners]))
     back = np.einsum("pk,pkj->pj", weights, correspondence(b, a)[corners])
     error = np.linalg.norm(back - a.surface.vertices, axis=1)
-    edge = edge_lengths(a.surface).mean()
+    edge = np.linalg.norm(np.diff(a.surface.vertices[a.surface.edges], axis=1)[:, 0], axis=1).mean()
     assert error.mean() < 0.5 * edge and np.quantile(error, 0.95) < edge
 
 
@@ -239,17 +232,17 @@ def test_impossible_requests(arguments, what):
 
 
 def test_saved_and_read_back(tmp_path):
-    path = tmp_path / "subject.npz"
-    save_cortex(path, subject(1, "right"))
+    path, right = tmp_path / "subject.npz", subject(1, "right")
+    save_cortex(path, right)
     back = load_cortex(path)
     assert (back.seed, back.hemisphere, back.generation) == (1, "right", GENERATION)
-    assert (back.interrupted, back.branched) == (subject(1, "right").interrupted, subject(1, "right").branched)
-    assert np.array_equal(back.template, subject(1, "right").template)
+    assert (back.interrupted, back.branched) == (right.interrupted, right.branched)
+    assert np.array_equal(back.template, right.template)
     for surface in (back.surface, read_surface(path)):
-        assert np.array_equal(surface.vertices, subject(1, "right").surface.vertices)
+        assert np.array_equal(surface.vertices, right.surface.vertices)
         assert set(surface.curves) == set(SULCI)
     first = path.read_bytes()
-    save_cortex(path, subject(1, "right"))
+    save_cortex(path, right)
     assert path.read_bytes() == first and [file.name for file in tmp_path.iterdir()] == ["subject.npz"]
 
 

@@ -207,9 +207,10 @@ def test_a_kept_set_is_drawn_once_and_read_back_equal(tmp_path):
     again = counted()
     read = keep(again, path)
     assert again.drawn == 0
-    shared = keep(counted(), tmp_path / "workers.set", workers=2)
     for k in range(5):
-        assert all(same(kept[k], dataset[k]) for kept in (drawn, read, shared))
+        assert same(drawn[k], dataset[k]) and same(read[k], dataset[k])
+    shared, many = keep(counted(20), tmp_path / "workers.set", workers=2), counted(20)  # more than a batch
+    assert all(same(shared[k], many[k]) for k in range(20))
     assert os.listdir(path.parent) == ["training.set"]
 
 

@@ -1,5 +1,4 @@
-"""Random Beltrami coefficients: their size, their spectra, the paper's recipe over a folder of
-images; moved landmarks."""
+"""Random Beltrami coefficients: their size, their spectra, the paper's recipe over a folder of images; landmarks."""
 
 import shutil
 
@@ -29,8 +28,7 @@ DISK = Disk(*polar_disk(12, 36))
 
 
 def photograph(height, width, seed, channels=3):
-    """Grey structures of one phase all over, so that its parts differ, as bytes (height, width,
-    channels)."""
+    """Grey structures of one phase all over, so that its parts differ, as bytes (height, width, channels)."""
     y, x = np.mgrid[:height, :width]
     rng = np.random.default_rng(seed)
     waves = sum(np.sin(rng.normal(size=2) @ np.stack([x, y]).reshape(2, -1) / 3).reshape(x.shape) for _ in range(4))
@@ -90,10 +88,9 @@ def test_opposite_sides_of_smooth_fields_are_free():
 
 
 def test_images_become_the_two_parts_smoothed_with_noise():
-    grey = iter([dead_leaves(64, np.random.default_rng(s)) for s in (1, 2)])
-    given = list(grey)
-    field = image_coefficient(64, np.random.default_rng(0), lambda size, rng: given.pop(0), (0.02, 0.02), 0.0)
     first, second = (dead_leaves(64, np.random.default_rng(s)) for s in (1, 2))
+    given = [first, second]
+    field = image_coefficient(64, np.random.default_rng(0), lambda size, rng: given.pop(0), (0.02, 0.02), 0.0)
     for part, other, image in ((field.real, field.imag, first), (field.imag, field.real, second)):
         assert np.corrcoef(part.ravel(), image.ravel())[0, 1] > 0.8
         assert abs(np.corrcoef(other.ravel(), image.ravel())[0, 1]) < 0.5
@@ -189,8 +186,7 @@ def test_opacity_is_no_part_of_the_picture(tmp_path, channels):
 
 
 def test_a_part_of_one_grey_is_not_used(tmp_path):
-    """A sky over a thin coast: most parts have no contrast, and two of them would leave nothing to
-    scale."""
+    """A sky over a thin coast: most parts have no contrast, and two of them would leave nothing to scale."""
     sky = np.full((200, 40), 200, np.uint8)
     sky[-2:] = 10
     io.imsave(tmp_path / "sky.png", sky, check_contrast=False)

@@ -40,7 +40,7 @@ def test_sphere_cap_in_closed_form():
     assert metrics["mean_depth"] < 1e-3 and np.isnan(metrics["sulcal_width"])
 
 
-def test_metrics_have_no_unit_and_no_direction():
+def test_metrics_have_no_unit_and_no_direction_and_an_inward_surface_none():
     surface = folded()
     metrics = realism(surface)
     assert metrics["concave_area"] > 0.2 and metrics["buried_area"] > 0.1 and metrics["pits"] > 5
@@ -55,10 +55,6 @@ def test_metrics_have_no_unit_and_no_direction():
         assert turned[name] == pytest.approx(metrics[name], rel=1e-6), name
     for name in ("mean_depth", "buried_area"):  # the voxels of the depth do not turn with the surface
         assert turned[name] == pytest.approx(metrics[name], rel=0.1), name
-
-
-def test_inward_surface_is_refused():
-    surface = folded()
     with pytest.raises(SurfaceError, match="inward"):
         realism(Surface(surface.vertices, surface.faces[:, ::-1]))
 
