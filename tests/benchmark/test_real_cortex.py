@@ -88,19 +88,6 @@ def test_held_out_curves_are_measured_each_by_its_name_and_the_way_back(pair, on
     assert exact["there_and_back_mm"] < 1e-2 and 2 < turned["there_and_back_mm"] < 15
 
 
-def test_each_repetition_begins_with_nothing_known_of_the_disks(pair):
-    known, method = [], truth_or_back(pair)
-
-    def note(problem):
-        for disk in (problem.disk, problem.pair.moving.disk, problem.pair.control.disk):
-            known.append(set(vars(disk)))
-            _ = disk.areas
-        return method(problem)
-
-    row = trial(replace(pair, there_and_back=False), Run("noted", "noted"), note)
-    assert len(known) == 3 * row["repetitions"] > 3 and all(found == {"z", "faces"} for found in known)
-
-
 def test_folds_lead_where_landmarks_do_not_reach(pair, once):
     runs = [Run(name, name) for name in ("gauss_newton", "hybrid", "dense", "landmark_free")]
     by_landmarks, *others = (trial(replace(pair, there_and_back=False), run, METHODS[run.name]) for run in runs)
