@@ -404,12 +404,6 @@ def test_every_reason_and_exit_code_is_explained_in_the_help(capsys):
     assert sorted(words) == sorted(reasons - {"walls"})
 
 
-@pytest.mark.parametrize("command", sorted(cli.commands))
-def test_every_option_has_a_help_text(command):
-    options = [one for one in cli.commands[command].params if isinstance(one, click.Option)]
-    assert [one.opts[-1] for one in options if not one.help] == []
-
-
 def named_options(text):
     """(command, option) of each option in a command line that a page, a message or a docstring has."""
     text = re.sub(r'"\s*\n\s*f?"', "", text.replace("\\\n", " "))
@@ -417,12 +411,14 @@ def named_options(text):
         yield from ((command, option) for option in re.findall(r"(?<=\s)--[a-z][a-z-]*", rest))
 
 
-def test_every_option_that_a_text_names_is_there():
+def test_every_option_has_a_help_text_and_those_that_a_text_names_are_there():
     pages = [markdown_of(page) for page in chapters()]
     files = ROOT / "README.md", *ROOT.glob("qclearn/**/*.py")
     texts = [*pages, *(path.read_text(encoding="utf-8") for path in files)]
     named = {one for text in texts for one in named_options(text)}
-    known = {(name, option) for name, one in cli.commands.items() for given in one.params for option in given.opts}
+    options = [(name, one) for name, command in cli.commands.items() for one in command.params]
+    assert [one.name for _, one in options if isinstance(one, click.Option) and not one.help] == []
+    known = {(name, option) for name, one in options for option in one.opts}
     assert len(named) > 15 and named <= known, named - known
     assert set(re.findall(r"^\| `qclearn (\w+)", texts[len(pages)], re.MULTILINE)) <= set(cli.commands)
     assert set(named_options("`qclearn open A \\\n  --label B`")) - known == {("open", "--label")}

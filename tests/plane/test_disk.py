@@ -81,15 +81,6 @@ def test_points_that_are_not_finite_lie_nowhere():
 # The boundary, and what lies across an edge.
 
 
-def test_boundary_loop_runs_counter_clockwise_from_its_smallest_vertex(mesh):
-    z, faces = mesh
-    loop = Disk(z, faces).loop
-    np.testing.assert_array_equal(boundary_loop(faces), loop)
-    assert loop[0] == loop.min() and len(set(loop)) == len(loop)
-    steps = np.angle(np.roll(z[loop], -1) / z[loop])
-    assert (steps > 0).all() and steps.sum() == pytest.approx(2 * np.pi)
-
-
 def test_boundary_loop_refuses_what_is_no_disk():
     z, faces = polar_disk(3, 6)
     closed = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]])

@@ -5,26 +5,18 @@ import pytest
 
 from meshes import boundary_loop, random_disk
 from qclearn.plane.beltrami import signed_areas
-from qclearn.plane.grids import (
-    COARSE,
-    FINE,
-    POWER,
-    disk_to_square,
-    joined,
-    polar,
-    polar_disk,
-    square_disk,
-    square_to_disk,
-)
+from qclearn.plane.grids import POWER, disk_to_square, joined, polar, polar_disk, square_disk, square_to_disk
 
 
-def test_meshes_are_disks(mesh):
+def test_meshes_are_disks_whose_loop_runs_counter_clockwise_from_its_smallest_vertex(mesh):
     z, faces = mesh
     edges = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
     assert len(z) - len(edges) + len(faces) == 1
     assert (np.unique(faces) == np.arange(len(z))).all()
     assert (signed_areas(z, faces) > 0).all()
     loop = boundary_loop(faces)
+    steps = np.angle(np.roll(z[loop], -1) / z[loop])
+    assert loop[0] == loop.min() and (steps > 0).all() and steps.sum() == pytest.approx(2 * np.pi)
     np.testing.assert_allclose(abs(z[loop]), 1, rtol=1e-15)
     assert (abs(np.delete(z, loop)) < 1).all()
     polygon = 0.5 * (np.conj(z[loop]) * np.roll(z[loop], -1)).imag.sum()
@@ -62,7 +54,6 @@ def test_square_and_disk_are_inverse_and_keep_directions():
 
 
 def test_the_usual_polar_mesh_is_made_once():
-    assert (POWER, COARSE, FINE) == (1.4, (24, 72), (32, 96))
     mesh = polar(8)
     assert polar(8) is mesh and polar(8, 24) is polar(8, 24)
     for ours, plain in zip((mesh.z, mesh.faces), polar_disk(8, 24, POWER)):
