@@ -35,11 +35,8 @@ def everything(folder):
 
 
 def refused(capsys, folder, *arguments):
-    """The one line that a refused command prints; nothing else may be printed or written.
-
-    Before it, a slow machine shows a bar of progress, which ends by a return to the beginning of
-    its line.
-    """
+    """The one line that a refused command prints, behind the return that ends a bar of progress; nothing else may be
+    printed or written."""
     before = everything(folder)
     capsys.readouterr()
     with pytest.raises(SystemExit) as stop:

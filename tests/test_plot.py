@@ -89,12 +89,8 @@ def test_registration_figure_draws_before_and_after(registered, tmp_path):
     assert "matplotlib.pyplot" not in vars(matplotlib) or not matplotlib.pyplot.get_fignums()
 
     def drawn(ax, style):
-        colour = CURVE_STYLES[style]["color"]
-        return [
-            line.get_xydata() @ [1, 1j]
-            for line in ax.lines
-            if line.get_color() == colour and line.get_linestyle() != "None"
-        ]
+        lines = [line for line in ax.lines if line.get_color() == CURVE_STYLES[style]["color"]]
+        return [line.get_xydata() @ [1, 1j] for line in lines if line.get_linestyle() != "None"]
 
     first, second = figure.axes[0], figure.axes[1]
     (spoke, _), (spoke_after, _) = drawn(first, "detected"), drawn(second, "registered")
