@@ -81,7 +81,7 @@ class PolarSolver:
         U, steps_U = system.solve(system.pole, U, *stopping)
         boundary = system.boundary(U[:, 0])
         harmonic = system.harmonic(boundary.detach() - rest)
-        f = f + system.precondition(harmonic)(harmonic)
+        f = f + Preconditioner(harmonic, system.tables)(harmonic)
         f, steps_f = system.solve(system.pull(boundary), f, *stopping)
         self.floored, self.iterations = system.floored, torch.cat([steps_U, steps_f], 1)
         return self.finish(f, boundary)
@@ -141,10 +141,6 @@ class PolarSystem:
         """(x, steps): K x = load from start (None: from 0), 0 on the circle; see
         `PolarSolver.solve`. Differentiable."""
         return Solve.apply(*self.weights, load, start, IDENTITY, self.tables, tolerance, limit)
-
-    def precondition(self, load):
-        """The inverse of K(0) for loads of this shape."""
-        return Preconditioner(load, self.tables)
 
     def residual(self, load, x):
         """load - K x."""
@@ -243,7 +239,7 @@ def two_steps(solver, mu):
     potentials = [system.solve(system.pole, None, 0.0, 2)[0]]
     potentials.append(system.solve(system.pole, potentials[0], 0.0, 1)[0])
     residual = system.residual(system.pole, potentials[1])
-    beyond = potentials[1] + system.precondition(system.pole)(residual)
+    beyond = potentials[1] + Preconditioner(system.pole, system.tables)(residual)
     circle = [system.boundary(U[:, 0]) for U in (*potentials, beyond)]
     angles = [
         torch.atan2(a[:, 0, 0] * b[:, 1, 0] - a[:, 1, 0] * b[:, 0, 0], (a * b).sum(1)[:, 0])
@@ -251,7 +247,7 @@ def two_steps(solver, mu):
     ]
     boundary = circle[1]
     pull, harmonic = system.pull(boundary), system.harmonic(boundary)
-    precondition = system.precondition(harmonic)
+    precondition = Preconditioner(harmonic, system.tables)
     f, maps = precondition(harmonic), []
     for _ in range(2):
         f, _ = system.solve(pull, f, 0.0, 1)
