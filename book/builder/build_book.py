@@ -25,28 +25,10 @@ SITE = ROOT / "_build"
 def sphinx(*builder):
     """Run Sphinx on build/book; without the name of a builder it makes the site."""
     core.write_thumbs(SOURCE)
-    command = [
-        Path(sys.executable).with_name("jupyter-book"),
-        "build",
-        SOURCE,
-        "--config",
-        ROOT / "_config.yml",
-        "--path-output",
-        ROOT,
-        *builder,
-        "-W",
-        "-n",
-        "--keep-going",
-        "--quiet",
-    ]
+    command = [Path(sys.executable).with_name("jupyter-book"), "build", SOURCE, "--config", ROOT / "_config.yml"]
+    command += ["--path-output", ROOT, *builder, "-W", "-n", "--keep-going", "--quiet"]
     if subprocess.run(command, check=False).returncode:
         sys.exit("build_book: Sphinx found something to complain about; warnings count as errors")
-
-
-def build_site():
-    shutil.rmtree(SITE / "html", ignore_errors=True)
-    shutil.rmtree(SITE / ".doctrees", ignore_errors=True)
-    sphinx()
 
 
 def build_notebooks():
@@ -66,11 +48,8 @@ def offer(pages):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--jobs", type=int, default=2, help="notebooks executed side by side")
-    parser.add_argument(
-        "--pages",
-        default="",
-        help="execute these, whether they changed or not, and no others, as in: --pages lbs,fourier",
-    )
+    words = "execute these, whether they changed or not, and no others, as in: --pages lbs,fourier"
+    parser.add_argument("--pages", default="", help=words)
     parser.add_argument("--no-site", action="store_true", help="execute the pages and leave the site as it is")
     arguments = parser.parse_args()
     pages = [name.strip().removesuffix(".ipynb") for name in arguments.pages.split(",") if name.strip()]
@@ -80,7 +59,9 @@ def main():
         execute_outdated(notebooks(), arguments.jobs)
     if not arguments.no_site:
         export_live.export()
-        build_site()
+        for name in ("html", ".doctrees"):
+            shutil.rmtree(SITE / name, ignore_errors=True)
+        sphinx()
         pages = build_notebooks()
         decks.write(pages, SITE / "html" / "decks", "../_static")
         offer(pages)

@@ -68,11 +68,6 @@ def part(text, kind):
     return ("", above) if kind == "more" or not rest else (rest[0], rest[1])
 
 
-def first_sentence(paragraph):
-    ends = (match.end() for match in SENTENCE.finditer(paragraph) if match["end"])
-    return paragraph[: next(ends, len(paragraph))]
-
-
 def shortened(text):
     """Formulas, lists, tables, statements whole, of other paragraphs the first sentence, and no
     proof."""
@@ -81,7 +76,8 @@ def shortened(text):
         stated = False
         for block in filter(None, map(str.strip, re.split(r"\n[ \t]*\n", stretch))):
             stated = stated or STATEMENT.match(block)
-            shown.append(block if stated or WHOLE.match(block) else first_sentence(block))
+            ends = (match.end() for match in SENTENCE.finditer(block) if match["end"])
+            shown.append(block if stated or WHOLE.match(block) else block[: next(ends, None)])
     return "\n\n".join(shown)
 
 

@@ -86,7 +86,7 @@ def prepare(notebook):
             cell.source = graded.put(cell.source, with_solutions=True)
     except KeyError as error:
         return [error.args[0]]
-    wrong = guards.check(notebook)
+    wrong = list(guards.figures(notebook))
     expressions.ask(notebook)
     solutions.append(notebook)
     return wrong
@@ -117,35 +117,12 @@ def execute(paths, jobs):
         "QCLEARN_SUBJECTS": str(subjects.folder()),
         "QCLEARN_PAGES": "static",  # explorables as elements for the site's script, not as widgets
     }
-    found = subprocess.run(
-        [sys.executable, "-c", "import qcbook, qclearn; print(qcbook.__file__, qclearn.__file__)"],
-        env=environment,
-        cwd=BUILD,
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout
+    asked = [sys.executable, "-c", "import qcbook, qclearn; print(qcbook.__file__, qclearn.__file__)"]
+    found = subprocess.run(asked, env=environment, cwd=BUILD, capture_output=True, text=True, check=True).stdout
     assert found.count(str(installed)) == 2, f"the pages would run with {found}"
-    command = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-q",
-        "-c",
-        settings,
-        "--rootdir",
-        BUILD,
-        "-p",
-        "no:cacheprovider",
-        "--nbmake",
-        "--overwrite",
-        f"--nbmake-timeout={SECONDS_PER_CELL}",
-        "-n",
-        str(min(jobs, len(paths))),
-        "--durations=0",
-        f"--junitxml={REPORT}",
-        *paths,
-    ]
+    command = [sys.executable, "-m", "pytest", "-q", "-c", settings, "--rootdir", BUILD, "-p", "no:cacheprovider"]
+    command += ["--nbmake", "--overwrite", f"--nbmake-timeout={SECONDS_PER_CELL}", "-n", str(min(jobs, len(paths)))]
+    command += ["--durations=0", f"--junitxml={REPORT}", *paths]
     REPORT.unlink(missing_ok=True)
     ended = subprocess.run(command, env=environment, check=False).returncode
     if ended > 1:  # pytest itself: no page is known to be good
@@ -158,12 +135,8 @@ def library_digest():
     """Of all that a page computes with: the packages with weights and measured files, the versions
     of others, the book's tables, and the programs that prepare and finish a run. What runs in
     browsers alone is left out."""
-    files = [
-        ROOT / "constraints.txt",
-        *(ROOT / "book").glob("*.toml"),
-        *(Path(helper.__file__) for helper in HELPERS),
-        Path(__file__),
-    ]
+    programs = [Path(__file__), *(Path(helper.__file__) for helper in HELPERS)]
+    files = [ROOT / "constraints.txt", *(ROOT / "book").glob("*.toml"), *programs]
     for package in PACKAGES:
         files += [file for file in (ROOT / package).rglob("*") if file.is_file() and not PASSED_OVER & {*file.parts}]
     found = hashlib.sha256(str(solutions.SHOWN).encode())

@@ -13,28 +13,11 @@ CAPTION = re.compile(r"^:{3,}\{figure\}[ \t]*\n(?:[ \t]*\n)*((?::[\w-]+:.*\n)*)"
 NAME = re.compile(r"^:name:[ \t]*(\S+)", re.MULTILINE)
 
 
-def syntax(cell):
-    return ast.parse(TransformerManager().transform_cell(cell.source))
-
-
-def calls_of(tree, function):
-    return [
-        node
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == function
-    ]
-
-
-def captions_in(source):
-    """Names of the captions of a Markdown text; None for one without a name."""
-    found = [NAME.search(options) for options in CAPTION.findall(source)]
-    return [match and match[1] for match in found]
-
-
 def shown_in(cell):
     """Names of the figures that a code cell shows, and what is wrong with the way it shows them."""
-    tree = syntax(cell)
-    calls = calls_of(tree, "show_figure")
+    tree = ast.parse(TransformerManager().transform_cell(cell.source))
+    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    calls = [call for call in calls if getattr(call.func, "id", "") == "show_figure"]
     if not calls:
         return [], None
     names = [call.args[1].value for call in calls if len(call.args) > 1 and isinstance(call.args[1], ast.Constant)]
@@ -42,10 +25,8 @@ def shown_in(cell):
     if len(calls) > 1:
         return names, "it shows two figures; one cell, one figure, then its caption"
     if not names:
-        return (
-            names,
-            'the name of a figure has to stand there in quotes: show_figure(picture, "fig-...", "description")',
-        )
+        words = 'show_figure(picture, "fig-...", "description")'
+        return names, f"the name of a figure has to stand there in quotes: {words}"
     if not (isinstance(last, ast.Expr) and last.value is calls[0]):
         return (names, "show_figure(...) has to be its last statement, so that figure and caption stand together")
     return names, None
@@ -56,7 +37,8 @@ def figures(notebook):
     waiting = None  # the figure whose caption has to open this cell
     for number, cell in enumerate(notebook.cells, 1):
         here = place(number, cell)
-        captions = captions_in(cell.source) if cell.cell_type == "markdown" else []
+        options = CAPTION.findall(cell.source) if cell.cell_type == "markdown" else []
+        captions = [match and match[1] for match in map(NAME.search, options)]  # None for one without a name
         if waiting:
             if captions[:1] != [waiting] or not CAPTION.match(cell.source):
                 yield (
@@ -81,8 +63,3 @@ def pictures_without_a_name(notebook):
         for output in cell.get("outputs", []):
             if "image/png" in output.get("data", {}) and "scrapbook" not in output.metadata:
                 yield f"{place(number, cell)}: a picture without a caption; end the cell with show_figure(...)"
-
-
-def check(notebook):
-    """Everything that is wrong with the source of a page, as a list of lines."""
-    return list(figures(notebook))

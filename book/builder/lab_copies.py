@@ -32,21 +32,12 @@ def digest(notebook):
     return hashlib.sha256(json.dumps(cells).encode()).hexdigest()
 
 
-def digest_of_file(path):
+def changed(path, record):
+    """Whether a reader changed a copy that is there: then its cells are not those that were written."""
     try:
-        return digest(nbformat.read(path, as_version=4))
+        return path.exists() and digest(nbformat.read(path, as_version=4)) != record
     except (nbformat.reader.NotJSONError, AttributeError):
-        return "no notebook any more"
-
-
-def put_aside(path):
-    """Rename a copy that a reader changed, to a name that is free."""
-    number, aside = 1, path.with_stem(f"{path.stem}-mine")
-    while aside.exists():
-        number += 1
-        aside = path.with_stem(f"{path.stem}-mine-{number}")
-    path.rename(aside)
-    print(f"lab_copies: you changed {path.name}; it is {aside} now, and {path.name} is new", file=sys.stderr)
+        return True  # no notebook any more
 
 
 def write_copies(folder, pages):
@@ -56,10 +47,15 @@ def write_copies(folder, pages):
     record = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
     for page, notebook in pages.items():
         path, new = folder / f"{page}.ipynb", digest(notebook)
-        if path.exists() and digest_of_file(path) != record.get(page):
+        if changed(path, record.get(page)):
             if record.get(page) == new:
                 continue  # the reader's own, of the page as it still is
-            put_aside(path)
+            number, aside = 1, path.with_stem(f"{page}-mine")
+            while aside.exists():
+                number += 1
+                aside = path.with_stem(f"{page}-mine-{number}")
+            path.rename(aside)
+            print(f"lab_copies: you changed {path.name}; it is {aside} now, and {path.name} is new", file=sys.stderr)
         nbformat.write(notebook, path)
         record[page] = new
         file.write_text(json.dumps(record, indent=1), encoding="utf-8")

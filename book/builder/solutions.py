@@ -47,17 +47,11 @@ def without(text, labels=None):
 
 def append(notebook):
     """Before execution, behind everything else: one cell for each python fence."""
-    found = [
-        solution for cell in notebook.cells if cell.cell_type == "markdown" for solution in solutions_in(cell.source)
-    ]
-    for exercise, code, printed in found:
+    texts = [cell.source for cell in notebook.cells if cell.cell_type == "markdown"]
+    for exercise, code, printed in (solution for text in texts for solution in solutions_in(text)):
+        about = {"tags": [TAG], "exercise": exercise, "prints": printed}
         # nbmake shows the cell when it fails: its first line says where it comes from.
-        notebook.cells.append(
-            new_code_cell(
-                f"# The solution of {exercise}\n{code}",
-                metadata={"tags": [TAG], "exercise": exercise, "prints": printed},
-            )
-        )
+        notebook.cells.append(new_code_cell(f"# The solution of {exercise}\n{code}", metadata=about))
 
 
 def same_text(printed, expected):

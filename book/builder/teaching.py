@@ -22,23 +22,16 @@ def plan():
     return tomllib.loads((BOOK / "teaching.toml").read_text(encoding="utf-8"))
 
 
-@cache
-def contents():
-    return yaml.safe_load((BOOK / "_toc.yml").read_text(encoding="utf-8"))
-
-
-def first_page(name):
-    """The page that a week begins at: a page's own name, or the first page of a part."""
-    starts = {part["caption"]: part["chapters"][0]["file"] for part in contents()["parts"]}
-    if (page := starts.get(name, name)) not in chapters():
-        raise SystemExit(f"teaching.toml: the contents have no page or part {name!r}")
-    return page
-
-
 def weeks():
-    """(week, its pages, its exercises) of the plan, by the contents."""
+    """(week, its pages, its exercises) of the plan, by the contents; a week begins at a page, or at
+    the first page of a part."""
     listed, plans = list(chapters()), plan()["week"]
-    starts = [listed.index(first_page(each)) for each in (*(week["from"] for week in plans), plan()["end"])]
+    parts = yaml.safe_load((BOOK / "_toc.yml").read_text(encoding="utf-8"))["parts"]
+    first = {page: page for page in listed} | {part["caption"]: part["chapters"][0]["file"] for part in parts}
+    names = [*(week["from"] for week in plans), plan()["end"]]
+    if unknown := [name for name in names if name not in first]:
+        raise SystemExit(f"teaching.toml: the contents have no page or part {unknown[0]!r}")
+    starts = [listed.index(first[name]) for name in names]
     for week, start, end in zip(plans, starts, starts[1:]):
         pages = listed[start:end]
         own = [name for page in pages for name, exercise in EXERCISES.items() if exercise.page == page]
@@ -84,17 +77,14 @@ def parameterize(pages, exercises, together):
     ]
     reading, solving, meeting = spent(pages, exercises, together)
     rows.append(["in all", reading, f"{solving} minutes, {sum(EXERCISES[name].points for name in exercises)} points"])
-    done = [f"- {number} minutes. {linked(text)}" for number, text in together]
+    # A text says {page} where a link is to stand.
+    linked = [(number, re.sub(r"\{(\w+)\}", lambda match: link(match[1]), text)) for number, text in together]
+    done = [f"- {number} minutes. {text}" for number, text in linked]
     head = ["page", "minutes to read", "graded exercises (minutes)"]
     whole = divmod(reading + solving + meeting, 60)
     return "\n\n".join(
         [table(head, rows), "In class:", "\n".join(done), f"With the class this takes {whole[0]} h {whole[1]:02d} min."]
     )
-
-
-def linked(text):
-    """A text with links in place of {page}."""
-    return re.sub(r"\{(\w+)\}", lambda match: link(match[1]), text)
 
 
 def told(name):
@@ -114,13 +104,8 @@ def left(name):
     return link(name) if name in chapters() else told(name)
 
 
-def of_the_day():
-    return parameterize(plan()["day"]["pages"], plan()["day"]["exercises"], plan()["day"]["class"])
-
-
-TABLES = {"weeks": of_weeks, "the-day": of_the_day}
-
-
 def put(text):
     """A page's text with its tables; KeyError for one that is not there."""
-    return PLACE.sub(lambda match: TABLES[match[1]](), text)
+    day = plan()["day"]
+    tables = {"weeks": of_weeks, "the-day": lambda: parameterize(day["pages"], day["exercises"], day["class"])}
+    return PLACE.sub(lambda match: tables[match[1]](), text)

@@ -12,7 +12,7 @@ CAPTION = ":::{figure}\n:name: fig-a\n\nA caption.\n\n:::\n"
 def found(*cells):
     kinds = [new_markdown_cell if "{figure}" in cell or cell == "Text." else new_code_cell for cell in cells]
     made = [kind(cell, id=f"c{i}") for i, (kind, cell) in enumerate(zip(kinds, cells), 1)]
-    return guards.check(new_notebook(cells=made))
+    return list(guards.figures(new_notebook(cells=made)))
 
 
 def test_a_figure_with_its_caption_is_right_and_one_with_a_file_needs_no_cell():
