@@ -76,14 +76,9 @@ def compare_fronts(rows, front, baseline, rng, size="mean_abs_mu"):
     difference = paired_difference(np.log(ratios), np.zeros(len(ratios)), rng)
     ratio, low, high = np.exp(difference).tolist()
     states = {"below": "ahead", "above": "behind", "level": "level"}
-    return {
-        "ratio": ratio,
-        "low": low,
-        "high": high,
-        "won": int((ratios < 1).sum()),
-        "pairs": int(np.isfinite(ratios).sum()),
-        "state": "unknown" if np.isnan(low) else states[side(low, high, of=1)],
-    }
+    state = "unknown" if np.isnan(low) else states[side(low, high, of=1)]
+    counts = {"won": int((ratios < 1).sum()), "pairs": int(np.isfinite(ratios).sum())}
+    return {"ratio": ratio, "low": low, "high": high, **counts, "state": state}
 
 
 def methods_and_oracles(rows):

@@ -81,17 +81,13 @@ def courses(name, moving, control, curves):
     checked = check_curves(curves, moving, control)
     there = parameterize(control)
     here = align(parameterize(moving), there, checked)
-    paths = []
-    for surface, side in ((moving, "moving"), (control, "control")):
+    paths = [], []
+    for surface, side, own in zip((moving, control), ("moving", "control"), paths):
         metric = fundus_metric(surface)
-        paths.append(
-            [
-                fundus_path(surface, *curve.path(side), metric) if curve.detect[side] else curve.path(side)
-                for curve in checked
-            ]
-        )
-    names = tuple(curve.name for curve in checked)
-    return Courses(name, here, there, names, tuple(paths))
+        for curve in checked:
+            path = curve.path(side)
+            own.append(fundus_path(surface, *path, metric) if curve.detect[side] else path)
+    return Courses(name, here, there, tuple(curve.name for curve in checked), paths)
 
 
 def cortex_problem(name, moving, control, curves, vertices=None, points=5):

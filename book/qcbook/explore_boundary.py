@@ -28,16 +28,15 @@ class Boundary(Live):
         h_z = state["strength"] / 2 * (-1j * abs(c) + c.imag * c.conj() / abs(c))
         return 1j * c * h_z.conj() / (1 + 1j * c * h_z)
 
-    def seen_from(self, f, pole):
-        """The map that sends the pole to 0 and 1 to 1, after f."""
-        f = mobius(f, (self.mesh.interpolation([complex(*pole)]) @ f)[0])
-        return f / f[self.rim[0]]
-
     def map(self, state):
         """(V,): the descent's start, the right map with the pole at 0; `centred`, the end of energy
         minus area."""
         right = DiskSolver(self.mesh).solve(self.coefficient(state))
-        return right if state["centred"] else self.seen_from(right, state["pole"])
+        if state["centred"]:
+            return right
+        # The map that sends the pole's image to 0, and 1 to 1.
+        f = mobius(right, (self.mesh.interpolation([complex(*state["pole"])]) @ right)[0])
+        return f / f[self.rim[0]]
 
     def answer(self, state):
         """The library's maps: the descent's start, and the right one."""
@@ -56,7 +55,5 @@ class Boundary(Live):
         seen.plot(pole.real, pole.imag, "o", color="#B22222")
         grid_plot(image, z, self.mesh.faces, f)
         image.plot(f[self.rim].real, f[self.rim].imag, ".", color="#E69F00")
-        return (
-            figure,
-            "A band along the circle, wide where a red pole is near, and a grid whose boundary points crowd.",
-        )
+        words = "A band along the circle, wide where a red pole is near, and a grid whose boundary points crowd."
+        return figure, words

@@ -63,7 +63,5 @@ class LBS(Live):
             image.fill(triangle.real, triangle.imag, color=FLIPPED_COLOUR, zorder=4)
         image.plot(targets.real, targets.imag, "o", color="#E69F00", zorder=5)
         disk_plot(sizes, z, faces, abs(self.mesh.coefficient(f)), cmap="YlGnBu", vmin=0, vmax=1)
-        return (
-            figure,
-            f"A grid with four pinned points pulled aside, {len(folded)} folded triangles at them, and |μ|.",
-        )
+        words = f"A grid with four pinned points pulled aside, {len(folded)} folded triangles at them, and |μ|."
+        return figure, words

@@ -122,7 +122,6 @@ class Sulci(Live):
         figure.add_axes((0, 0, 1, 1)).imshow(surface_picture(shape.surface, shades, curves=curves))
         figure.axes[0].axis("off")
         return figure, (
-            f"The unfolded control surface of {pair.name}: registered sulci yellow, their targets "
-            "red, on average "
+            f"The unfolded control surface of {pair.name}: registered sulci yellow, their targets red, on average "
             f"{self.distances(state, problem, fit.f).mean():.1f} mm apart."
         )

@@ -86,11 +86,8 @@ def describe(state):
         return f"No map: {state.message}"
     size = abs(state.fit.mu)
     error = in_powers(f"{state.fit.landmark_error:.1e}")
-    return (
-        f"landmark error {error}, mean |μ| {size.mean():.3f}, largest "
-        f"{size.max():.3f}; "
-        f"{state.message}; {1000 * state.seconds:.0f} ms"
-    )
+    measured = f"landmark error {error}, mean |μ| {size.mean():.3f}, largest {size.max():.3f}"
+    return f"{measured}; {state.message}; {1000 * state.seconds:.0f} ms"
 
 
 def sentences(states):

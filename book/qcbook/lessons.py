@@ -2,7 +2,7 @@
 examples."""
 
 import time
-from itertools import count
+from itertools import count, product
 
 import numpy as np
 import torch
@@ -157,12 +157,9 @@ class DBSLesson(Lesson):
     def waves(self, rng):
         """A coefficient (16, 16) on the pixels of the square."""
         x, y = np.meshgrid(*2 * [(np.arange(self.size) + 0.5) * 2 / self.size - 1])
-        parts = [
-            (rng.normal() + 1j * rng.normal()) * np.exp(1j * np.pi * (m * x + n * y) / 2)
-            for m in (-1, 0, 1)
-            for n in (-1, 0, 1)
-        ]
-        mu = np.sum(parts, 0)
+        mu = 0
+        for m, n in product((-1, 0, 1), repeat=2):
+            mu = mu + (rng.normal() + 1j * rng.normal()) * np.exp(1j * np.pi * (m * x + n * y) / 2)
         return mu * rng.uniform(0.1, 0.5) / abs(mu).max()
 
     def draw(self):

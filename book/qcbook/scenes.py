@@ -92,7 +92,11 @@ class Scene:
         self.description, self.height = description, height
         plotter.off_screen = True
         _keep_what_is_shown(plotter)
-        self.picture = _png(plotter) if poster else None
+        self.picture = None
+        if poster:
+            buffer = io.BytesIO()
+            plotter.screenshot(buffer, transparent_background=True)
+            self.picture = buffer.getvalue()
         with warnings.catch_warnings():
             # trame-vtk 2.8 calls what VTK 9.6 deprecates.
             warnings.simplefilter("ignore", DeprecationWarning)
@@ -135,14 +139,6 @@ def _legend(colours):
         f'<div style="position:fixed;left:8px;bottom:8px;padding:4px 8px;background:white;color:black;'
         f'font:14px sans-serif;pointer-events:none">{rows}</div>'
     )
-
-
-def _png(plotter):
-    from PIL import Image
-
-    buffer = io.BytesIO()
-    Image.fromarray(plotter.screenshot(transparent_background=True, return_img=True)).save(buffer, "PNG")
-    return buffer.getvalue()
 
 
 # At least as many steps over an array's range: below a pixel, below a grey level.

@@ -67,8 +67,7 @@ def map_answer(lesson):
     grid_plot(axes[1], z, faces, f, color="#B22222")
     away, folds = abs(f - lesson.exact), len(Disk(f, faces).maybe_flipped)
     words = (
-        f"<p>For an unseen coefficient the network's map is {away.mean():.3g} from the exact one "
-        "on average, at most "
+        f"<p>For an unseen coefficient the network's map is {away.mean():.3g} from the exact one on average, at most "
         f"{away.max():.3g}; {folds} of its {len(faces)} triangles are folded.</p>"
     )
     return figure, words
