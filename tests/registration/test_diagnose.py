@@ -169,20 +169,13 @@ def told(errors, before=0.1, after=0.05):
     return list(reasons(FLAT, rows, GOOD))
 
 
-def test_a_large_error_is_one_in_millimetres_that_the_map_has_not_reduced():
-    assert told([2.9], after=0.1) == told([9.0], after=0.03) == []
+def test_a_large_error_that_the_map_has_not_reduced_an_odd_curve_and_many_switched_rows_are_told():
+    assert told([2.9], after=0.1) == told([9.0], after=0.03) == list(reasons(FLAT, [], GOOD)) == []
     (reason,) = told([3.2, 3.0])
     assert reason.startswith("error: ") and "3.1 mm" in reason and "50 %" in reason and "gamma" in reason
-
-
-def test_an_odd_curve_is_named():
     (reason,) = told([1.0, 1.2, 6.1, 0.9])
     assert reason.startswith("curve: 'c' ends 6.1 mm")
     assert told([0.8, 0.96, 4.88, 0.72]) == told([1.0, 1.2, 6.1, 0.9, 7.0, 7.0, 7.0], after=0.01) == []  # all are bad
-
-
-def test_many_switched_rows_are_counted():
-    assert list(reasons(FLAT, [], GOOD)) == []
     (reason,) = reasons(FLAT, [], SimpleNamespace(switched=6, mu=np.zeros(1)))
     assert reason.startswith("rows: ") and "6 of 1000 vertices" in reason
 

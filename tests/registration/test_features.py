@@ -33,6 +33,9 @@ def waves(w):
     return np.cos(7 * w.real + 1) + np.sin(5 * w.imag), np.sin(6 * (w.real + w.imag)) + w.real
 
 
+ONE = waves(Z)[0]
+
+
 def features(unit=1.0, scale=1.0, weights=(1.0, 1.0)):
     maps = [Feature(f"wave {k}", scale * u + k, 3 * u, w) for k, (u, w) in enumerate(zip(waves(Z), weights))]
     return compared(flat(unit), maps)
@@ -56,22 +59,17 @@ def test_features_are_standardised_by_area_and_know_no_units():
         np.testing.assert_allclose(usual.areas @ side, 0, atol=1e-12)
         np.testing.assert_allclose(usual.areas @ side**2, 1)
         np.testing.assert_allclose(side, again, atol=1e-8)
-
-
-@pytest.mark.parametrize("scale", [1e-200, 1e200])
-def test_any_scale_will_do(scale):
-    u = waves(Z)[0]
-    pair = compared(flat(), check_features([(scale * u, u)], flat(), flat()))
-    assert pair.correlation(Z)[0] == pytest.approx(1)
+    for scale in (1e-200, 1e200):
+        pair = compared(flat(), check_features([(scale * ONE, ONE)], flat(), flat()))
+        assert pair.correlation(Z)[0] == pytest.approx(1)
 
 
 def test_outliers_are_clipped():
-    values = waves(Z)[0].copy()
+    values = ONE.copy()
     values[[5, 900]] = [1e4, -1e4]
-    smoothed = Smoothing(flat(), ["spiked", "wave"], np.stack([values, waves(Z)[0]], axis=1)).at(4.0)
+    smoothed = Smoothing(flat(), ["spiked", "wave"], np.stack([values, ONE], axis=1)).at(4.0)
     assert abs(smoothed).max() < 4
-    areas = flat().vertex_areas / flat().area
-    assert areas @ smoothed.prod(1) > 0.3  # unclipped: two spikes alone
+    assert flat().vertex_areas / flat().area @ smoothed.prod(1) > 0.3  # unclipped: two spikes alone
 
 
 def test_the_mismatch_is_twice_one_less_the_correlation():
@@ -99,10 +97,9 @@ def test_few_vertices_of_a_large_surface_judge_as_all_do(monkeypatch):
 
 
 def test_weights_are_shares():
-    mismatch = [
-        (FeatureTerm(features(weights=w), 8.0, 1.0).residual(0.9 * Z) ** 2).sum() for w in ((1, 3), (1, 1), (0.2, 0.6))
-    ]
-    assert mismatch[0] == pytest.approx(mismatch[2]) != pytest.approx(mismatch[1])
+    terms = (FeatureTerm(features(weights=w), 8.0, 1.0) for w in ((1, 3), (1, 1), (0.2, 0.6)))
+    one, even, same = ((term.residual(0.9 * Z) ** 2).sum() for term in terms)
+    assert one == pytest.approx(same) != pytest.approx(even)
 
 
 def test_the_folds_are_depth_and_curvature():
@@ -117,12 +114,8 @@ def test_maps_of_the_users_own_with_and_without_weights():
     one, two = waves(Z)
     given = [(one, two), ((two, one), 2), Feature("sulc", one, one, 0.5), (Feature("thickness", one, one), 3.0)]
     found = check_features(given, flat(), flat())
-    assert [(feature.name, feature.weight) for feature in found] == [
-        ("feature 1", 1.0),
-        ("feature 2", 2.0),
-        ("sulc", 0.5),
-        ("thickness", 3.0),
-    ]
+    assert [feature.name for feature in found] == ["feature 1", "feature 2", "sulc", "thickness"]
+    assert [feature.weight for feature in found] == [1, 2, 0.5, 3]
     np.testing.assert_array_equal(found[1].moving, two)
 
 
@@ -141,7 +134,6 @@ def test_coarse_scales_of_a_large_surface_are_smoothed_on_few_vertices():
     assert len(few.areas) == len(DISK.z)
 
 
-ONE = waves(Z)[0]
 HOLE = np.where(np.arange(len(Z)) == 7, np.nan, ONE)
 SPIKE = 0.3 + 1.0 * (np.arange(len(Z)) == 900)
 MASK = 1.0 * (np.arange(len(Z)) < len(Z) // 200)
@@ -159,12 +151,9 @@ BAD_FEATURES = [
     ([Feature("sulc", ONE, ONE + 0j)], "sulc, control side: values of type complex128"),
     ([Feature("areas", np.arange(len(Z)), ONE)], "areas, moving side: values of type int64.*labels have no order"),
     ([(ONE > 0, ONE)], "feature 1, moving side: values of type bool"),
-    ([([[1.0], [1.0, 2.0]], ONE)], "feature 1, moving side: lists of unequal lengths"),
     ([(ONE, [[1.0], [1.0, 2.0]])], "feature 1, control side: lists of unequal lengths"),
-    ([(ONE.tolist(), [[1.0], [1.0, 2.0]])], "feature 1, control side: lists of unequal lengths"),
     *[([Feature(name, ONE, ONE)], "feature 1: its name .* is not text") for name in (None, 3, ["a"])],
-    ([((ONE, ONE), 0.0)], "feature 1: weight 0.0 is not positive"),
-    ([((ONE, ONE), np.nan)], "feature 1: weight nan is not positive"),
+    *[([((ONE, ONE), weight)], f"feature 1: weight {weight} is not positive") for weight in (0.0, np.nan)],
     ([Feature("sulc", ONE, ONE), Feature("sulc", ONE, ONE)], r"features named twice: \['sulc'\]"),
 ]
 

@@ -1,13 +1,11 @@
 """The landmark fit: its Jacobian and step against brute force, and maps that must be found again."""
 
 import pickle
-import sys
-from contextlib import contextmanager
 from dataclasses import fields
 
 import numpy as np
 import pytest
-from scipy.sparse.linalg import SuperLU
+from scipy.sparse.linalg import splu
 
 from exactmaps import TWIST
 from meshes import bowl, random_disk, random_mu
@@ -80,7 +78,7 @@ def test_only_inner_points_slide_and_only_along_the_target():
     np.testing.assert_allclose(along, np.where(ends, 1, TANGENTIAL_WEIGHT**2))
 
 
-# The Jacobian and the step
+# The step
 
 
 def small_newton(sliding, seed=3):
@@ -95,17 +93,6 @@ def small_newton(sliding, seed=3):
 
 def residual(newton, nu, parameters, gamma):
     return newton.landmarks.residual(newton.at(nu, parameters).points, gamma)
-
-
-@pytest.mark.parametrize("sliding", [False, True])
-def test_the_jacobian_equals_finite_differences(sliding):
-    newton, nu, rng = small_newton(sliding)
-    parameters, gamma, step = (0.2 - 0.1j, 0.3), 50.0, 1e-5
-    J = newton.jacobian(newton.at(nu, parameters), gamma)
-    for change in complex_normal(rng, 5, len(nu)):
-        sides = [residual(newton, nu + sign * step * change, parameters, gamma) for sign in (1, -1)]
-        expected = (sides[0] - sides[1]) / (2 * step)
-        np.testing.assert_allclose((J.conj() @ change).real, expected, atol=1e-7 * abs(expected).max())
 
 
 @pytest.mark.parametrize("sliding", [False, True])
@@ -137,23 +124,6 @@ def test_the_dual_step_is_the_gauss_newton_step(sliding):
     assert promised == pytest.approx(least, rel=1e-5)
 
 
-@contextmanager
-def counted_solves():
-    """A list that holds, at the end, the size of each system that was solved with factors: what a
-    fit costs, whatever the clock."""
-    solves = []
-
-    def watch(_, event, function):
-        if event == "c_call" and isinstance(getattr(function, "__self__", None), SuperLU):
-            solves.append(function.__self__.shape[0])
-
-    sys.setprofile(watch)
-    try:
-        yield solves
-    finally:
-        sys.setprofile(None)
-
-
 @pytest.mark.parametrize("seed, gamma, exact, most", [(6, 1e4, 0.0219274, 125), (2, 1e5, 0.0160866, 160)])
 def test_steps_without_a_jacobian_end_where_exact_ones_do_and_cost_few_solves(seed, gamma, exact, most, monkeypatch):
     """exact: the end of steps by adjoint solves for each landmark; most: solves on the mesh.
@@ -161,10 +131,21 @@ def test_steps_without_a_jacobian_end_where_exact_ones_do_and_cost_few_solves(se
     Equations that nothing preconditions take 2,500 and more, and those that are solved in three
     products end at nine times the least.
     """
+    solves = []
+
+    class Counted:
+        def __init__(self, *given, **options):
+            self.factors = splu(*given, **options)
+            self.perm_c = self.factors.perm_c
+
+        def solve(self, load):
+            solves.append(self.factors.shape[0])
+            return self.factors.solve(load)
+
     monkeypatch.setattr(linear, "has_cholmod", lambda: False)
+    monkeypatch.setattr(linear, "splu", Counted)
     p, q = smooth_problem(seed)
-    with counted_solves() as solves:
-        fit = fit_landmarks(*SMALL, p, q, gamma=gamma)
+    fit = fit_landmarks(*SMALL, p, q, gamma=gamma)
     assert fit.losses["L_CP"] == pytest.approx(exact, rel=2e-3)
     inner = len(SMALL[0]) - 80  # vertices off the rim
     assert sum(fit.steps) <= 9 and 0 < solves.count(inner) <= most

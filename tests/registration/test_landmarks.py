@@ -51,12 +51,6 @@ def test_samples_of_any_field_are_those_at_the_same_places_of_the_path():
     np.testing.assert_allclose(matrix.sum(1), 1)
 
 
-def test_two_vertices_make_a_curve_of_ten_points():
-    surface = steep()
-    samples = sample_curve(surface, [0, 60]) @ surface.vertices
-    np.testing.assert_allclose(samples, np.linspace(surface.vertices[0], surface.vertices[60], 10), atol=1e-15)
-
-
 def test_a_curve_without_length_is_refused():
     with pytest.raises(LandmarkError, match="no length.*give its endpoints apart"):
         equally_spaced(np.ones((2, 3)), 10)
@@ -77,47 +71,39 @@ def test_the_metric_is_short_on_the_floor_and_long_on_the_rims(groove):
     assert factor.min() >= np.exp(-4) * (1 - 1e-12) and factor.max() <= np.exp(1) * (1 + 1e-12)
 
 
-def test_the_metric_needs_no_folds():
+def test_the_metric_scales_with_the_surface_and_needs_no_folds(groove):
+    surface, _ = groove
+    grown = Surface(10 * surface.vertices, surface.faces)
+    np.testing.assert_allclose(fundus_metric(grown), 10 * fundus_metric(surface), rtol=1e-6)
     metric = fundus_metric(icosphere(3, -0.6))
     assert np.isfinite(metric).all() and metric.min() > 0
 
 
-def test_the_metric_scales_with_the_surface(groove):
-    surface, _ = groove
-    grown = Surface(10 * surface.vertices, surface.faces)
-    np.testing.assert_allclose(fundus_metric(grown), 10 * fundus_metric(surface), rtol=1e-6)
-
-
-def test_the_path_stays_in_the_groove_wherever_the_surface_lies(groove):
-    """Depth is measured on voxels, so a turn changes the metric, but not where the floor is."""
+def test_the_path_follows_the_groove_and_not_the_short_way_wherever_the_surface_lies(groove, monkeypatch):
+    """Depth is measured on voxels, so a turn changes the metric, but not where the floor is; depth
+    alone and curvature alone find it."""
     surface, ends = groove
-    turned = surface.vertices @ Rotation.from_euler("xyz", [0.3, 1, 2]).as_matrix().T + 5
-    path = fundus_path(Surface(turned, surface.faces), *ends)
-    assert distance_to_floor(surface.vertices[path]).max() < 0.077
-
-
-def test_the_path_follows_the_groove_and_not_the_short_way(groove):
-    surface, ends = groove
-    path = fundus_path(surface, *ends)
-    assert (path[0], path[-1]) == tuple(ends)
-    assert distance_to_floor(surface.vertices[path]).max() < 0.077  # the mean length of an edge
     direct = fundus_path(surface, *ends, edge_lengths(surface))
     assert distance_to_floor(surface.vertices[direct]).max() > 0.5
+    turn = Rotation.from_euler("xyz", [0.3, 1, 2]).as_matrix()
+    paths = [fundus_path(surface, *ends), fundus_path(Surface(surface.vertices @ turn.T + 5, surface.faces), *ends)]
+    for dropped in ("sulcal_depth", "mean_curvature"):
+        with monkeypatch.context() as patch:
+            patch.setattr(f"qclearn.registration.curves.{dropped}", lambda surface: np.zeros(len(surface.vertices)))
+            paths.append(fundus_path(surface, *ends))
+    for path in paths:
+        assert (path[0], path[-1]) == tuple(ends)
+        assert distance_to_floor(surface.vertices[path]).max() < 0.077  # the mean length of an edge
 
 
-@pytest.mark.parametrize("dropped", ["sulcal_depth", "mean_curvature"])
-def test_depth_alone_and_curvature_alone_find_the_groove(groove, dropped, monkeypatch):
-    monkeypatch.setattr(f"qclearn.registration.curves.{dropped}", lambda surface: np.zeros(len(surface.vertices)))
+def test_a_path_is_a_chain_of_edges_and_the_same_both_ways_also_in_the_disk(groove):
     surface, ends = groove
-    assert distance_to_floor(surface.vertices[fundus_path(surface, *ends)]).max() < 0.077
-
-
-def test_a_path_is_a_chain_of_edges_and_the_same_both_ways(groove):
-    surface, ends = groove
-    path = fundus_path(surface, *ends)
+    path, z = fundus_path(surface, *ends), surface.vertices[:, 0] + 1j * surface.vertices[:, 1]
     steps = np.sort(np.stack([path[:-1], path[1:]], axis=1), axis=1)
     assert {tuple(step) for step in steps.tolist()} <= {tuple(edge) for edge in surface.edges.tolist()}
-    np.testing.assert_array_equal(fundus_path(surface, *ends[::-1]), path[::-1])
+    there, back = detect_curves(surface, z, np.array([ends, ends[::-1]]))
+    np.testing.assert_array_equal(there, z[path])
+    np.testing.assert_array_equal(back, z[path[::-1]])
 
 
 def test_with_a_given_metric_the_path_is_shortest_in_it():
@@ -136,12 +122,3 @@ def test_endpoints_must_be_two_vertices(groove):
         fundus_path(surface, ends[0], ends[0])
     with pytest.raises(LandmarkError, match="out of range"):
         fundus_path(surface, ends[0], len(surface.vertices))
-
-
-def test_detection_gives_the_paths_in_the_disk(groove):
-    surface, ends = groove
-    z = surface.vertices[:, 0] + 1j * surface.vertices[:, 1]
-    curves = detect_curves(surface, z, np.array([ends, ends[::-1]]))
-    assert len(curves) == 2
-    np.testing.assert_array_equal(curves[0], z[fundus_path(surface, *ends)])
-    np.testing.assert_array_equal(curves[1], curves[0][::-1])

@@ -1,6 +1,7 @@
 """Curves that a detector finds: used where they can be, replaced by the shortest path where not.
 (Maps: test_register.)"""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -40,29 +41,16 @@ def guarded(detect, entries):
 
 
 def test_given_curves_stay_and_good_ones_are_used():
-    entries = [
-        entry("given", spoke(0)),
-        entry("first", spoke(10), True),
-        entry("bent", spoke(20)),
-        entry("last", spoke(30), True),
-    ]
+    angles = {"given": 0, "first": 10, "bent": 20, "last": 30}
+    entries = [entry(name, spoke(angle), name in ("first", "last")) for name, angle in angles.items()]
     lines, fallbacks = guarded(straight(), entries)
     assert fallbacks == []
-    for place, angle in ((0, 0), (2, 20)):
-        np.testing.assert_array_equal(lines[place], Z[spoke(angle)])
-    for place, angle in ((1, 10), (3, 30)):
-        ends = Z[spoke(angle)[[0, -1]]]
-        np.testing.assert_allclose(lines[place][[0, -1]], ends)
-        assert len(lines[place]) >= 256 and abs(np.diff(lines[place], 2)).max() < 1e-12
-
-
-def test_nothing_is_detected_where_all_is_given():
-    def detect(*_):
-        raise AssertionError
-
-    lines, fallbacks = guarded(detect, [entry("given", spoke(0))])
-    np.testing.assert_array_equal(lines[0], Z[spoke(0)])
-    assert fallbacks == []
+    for line, path in zip(lines[::2], (spoke(0), spoke(20)), strict=True):
+        np.testing.assert_array_equal(line, Z[path])
+    for line, path in zip(lines[1::2], (spoke(10), spoke(30)), strict=True):
+        np.testing.assert_allclose(line[[0, -1]], Z[path[[0, -1]]])
+        assert len(line) >= 256 and abs(np.diff(line, 2)).max() < 1e-12
+    assert guarded(None, entries[:1])[1] == []  # nothing is detected where all is given
 
 
 @pytest.mark.parametrize(
@@ -112,19 +100,14 @@ def test_filling_keeps_the_polyline():
     np.testing.assert_array_equal(filled[:: (len(filled) - 1) // 3], line)
 
 
-def test_the_exact_map_of_no_coefficient_is_the_mobius_map():
+def test_the_exact_map_of_no_coefficient_is_the_mobius_map_and_of_two_maps_the_most_switched_rows_are_told():
     p = 0.6 * np.exp(2j * np.pi * np.arange(7) / 7)
-    q = mobius(p, 0.2 + 0.1j, 0.7)
-    problem = Problem(DISK, p, q)
-    fit = exact_map(problem, np.zeros(len(FACES), complex))
+    problem, nothing = Problem(DISK, p, mobius(p, 0.2 + 0.1j, 0.7)), np.zeros(len(FACES), complex)
+    fit = exact_map(problem, nothing)
     assert fit.mobius[0] == pytest.approx(0.2 + 0.1j, abs=2e-3) and fit.mobius[1] == pytest.approx(0.7, abs=5e-3)
     assert fit.bijective and fit.fallbacks == () and fit.landmark_error < 3e-3 and abs(fit.mu).max() < 0.05
     np.testing.assert_allclose(fit.f, moved_map(problem, Z).f, atol=1e-6)
-
-
-def test_of_two_maps_the_most_rows_that_were_switched_are_told():
-    p = 0.6 * np.exp(2j * np.pi * np.arange(7) / 7)
-    problem = Problem(DISK, p, 0.9 * p)
-    folded = replace(moved_map(problem, Z), bijective=False, switched=9)
-    fit = refined(problem, Weights(), np.zeros(len(FACES), complex), folded, 5e-3)
-    assert fit.bijective and fit.switched == 9
+    folded = replace(fit, bijective=False, flipped=np.arange(3), switched=9)
+    mended = refined(problem, Weights(), nothing, folded, 5e-3)
+    assert mended.bijective and mended.switched == 9
+    assert re.fullmatch(r"the exact solver's map folded 3 faces: \d+ Gauss-Newton steps, to \S+", mended.fallbacks[0])

@@ -1,7 +1,5 @@
 """What `register` refuses, each once: one line that says what, where and what to do."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 from test_register import bowl, entries, spoke
@@ -13,7 +11,6 @@ from qclearn.registration.problem import LandmarkError
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror
 
 BOWL, HIGH = bowl(0.6), bowl(0.9)
-register = partial(qc.register, features=None)  # bowls have no folds
 
 
 def refused(error, message, *given, **options):
@@ -68,48 +65,34 @@ def test_weights_that_cannot_be_are_refused_before_any_work(name, value):
 
 CURVE = {"name": "a", "moving": [0, 5], "control": [1, 2, 3]}
 MET = {side: [entries(0)[0], entries(0)[1] | {side: spoke(0)[::-1]}] for side in ("moving", "control")}
+# Both ends of a curve side by side on one rim, and far apart on the other.
 RIM = spoke(0, first=13, last=14)[0]
+EDGE = {"name": "edge", "moving": [RIM, RIM + 1], "control": [RIM, RIM + 30], "detect": False}
+ENDS = [{"moving": [RIM + k, RIM + k + 20], "control": [RIM + k, RIM + k + 1]} for k in (0, 1)]
+EDGES = [EDGE | {"name": f"{k}", **ends} for k, ends in enumerate(ENDS)]
 CURVES = [
-    ("landmarks hold no curves", []),
+    *[("hold no curves", none) for none in ([], None, {"curves": []}, {"curves": "a"})],
     ("one key 'curves'; found", {}),
     (r"one key 'curves'; found \['curve'\]", {"curve": [CURVE]}),
     (r"found \['curves', 'version'\]", {"curves": [CURVE], "version": 1}),
-    ("hold no curves", {"curves": []}),
-    ("hold no curves", {"curves": "a"}),
-    ("hold no curves", None),
     ("curve 0 has int", [7]),
     (r"curve 1 has \['moving', 'name'\]; it needs name, moving, control", [CURVE, {"name": "b", "moving": [0, 5]}]),
     ("curve 0 has .*'colour'.*may have detect", [CURVE | {"colour": "red"}]),
     ("curve 0: name must be text", [CURVE | {"name": 3}]),
-    ("detect and hold_out true or false", [CURVE | {"detect": "no"}]),
-    ("detect and hold_out true or false", [CURVE | {"hold_out": "yes"}]),
+    *[("detect and hold_out true or false", [CURVE | {key: "no"}]) for key in ("detect", "hold_out")],
     (r"names used twice: \['a'\]; rename", [CURVE, CURVE]),
-    ("curve 'a', moving side: .*at least two vertex indices", [CURVE | {"moving": [0]}]),
-    ("curve 'a', moving side: .*at least two vertex indices", [CURVE | {"moving": []}]),
+    *[("curve 'a', moving side: .*at least two vertex indices", [CURVE | {"moving": few}]) for few in ([0], [])],
     ("curve 'a', moving side: .*float64", [CURVE | {"moving": [0.5, 2]}]),
     ("curve 'a', moving side: .*bool", [CURVE | {"moving": [True, False]}]),
-    ("curve 'a', moving side", [CURVE | {"moving": "central"}]),
-    ("curve 'a', moving side", [CURVE | {"moving": 7}]),
-    ("curve 'a', moving side", [CURVE | {"moving": [2**70, 3]}]),
+    *[("curve 'a', moving side", [CURVE | {"moving": path}]) for path in ("central", 7, [2**70, 3])],
     ("curve 'a', moving side: .*unequal lengths", [CURVE | {"moving": [[1], [2, 3]]}]),
     (r"curve 'a', moving side: .*\(2, 2\)", [CURVE | {"moving": [[0, 1], [1, 2]]}]),
     ("curve 'a', moving side: .*repeats vertex 5 at position 1; drop", [CURVE | {"moving": [4, 5, 5, 6]}]),
     (r"curve 'a', control side: .*out of range 0..588: \[999999\]", [CURVE | {"control": [0, 999_999]}]),
     (r"curve 'a', control side: .*out of range", [CURVE | {"control": [0, -1]}]),
-    ("'spoke 0' and 'spoke 1' share a point on the moving side only.*let them", MET["moving"]),
-    ("'spoke 0' and 'spoke 1' share a point on the control side only.*let them", MET["control"]),
-    # Both ends of a curve side by side on one rim, and far apart on the other.
-    (
-        "curve 'edge' pulls the moving disk onto its rim: .* check this curve's ends",
-        [{"name": "edge", "moving": [RIM, RIM + 1], "control": [RIM, RIM + 30], "detect": False}],
-    ),
-    (
-        "curve '[01]' pulls the moving disk onto its rim",
-        [
-            {"name": f"{k}", "moving": [RIM + k, RIM + k + 20], "control": [RIM + k, RIM + k + 1], "detect": False}
-            for k in (0, 1)
-        ],
-    ),
+    *[(f"'spoke 0' and 'spoke 1' share a point on the {side} side only.*let them", MET[side]) for side in MET],
+    ("curve 'edge' pulls the moving disk onto its rim: .* check this curve's ends", [EDGE]),
+    ("curve '[01]' pulls the moving disk onto its rim", EDGES),
 ]
 
 
@@ -124,7 +107,6 @@ THREE = ["spoke 0", "spoke 1", "spoke 2"]
 @pytest.mark.parametrize(
     "error, message, options",
     [
-        (FeatureError, "unknown feature 'sulc'", {"features": ["sulc"]}),
         (FeatureError, "feature 1, control side: shape", {"features": [(SULC, SULC[1:])]}),
         (LandmarkError, "no curve is called 'spoke 7'.*'spoke 0', 'spoke 1', 'spoke 2'", {"hold_out": ["spoke 7"]}),
         (LandmarkError, "all curves are held out", ALONE | {"hold_out": THREE}),

@@ -29,33 +29,21 @@ def off(result):
     return np.linalg.norm(result.points - CONTROL.vertices, axis=1).mean()
 
 
-@pytest.fixture(scope="module")
-def pairs():
+def test_features_carry_the_curves_that_were_held_out_and_the_report_tells_it():
     """One curve fitted, two held out: by landmarks alone and with features, at the same gamma."""
-    curves, held = entries(0), ["spoke 1", "spoke 2"]
-    return [
-        register(MOVING, CONTROL, curves, gamma=1e2, features=features, delta=1.0, hold_out=held)
-        for features in (None, FEATURES)
-    ]
-
-
-def test_features_carry_the_curves_that_were_held_out(pairs):
+    options = {"gamma": 1e2, "delta": 1.0, "hold_out": ["spoke 1", "spoke 2"]}
+    pairs = [register(MOVING, CONTROL, entries(0), features=features, **options) for features in (None, FEATURES)]
     alone, hybrid = (np.array(list(result.report["held_out_mm"].values())) for result in pairs)
     np.testing.assert_allclose(alone[:, 0], hybrid[:, 0])  # of the same Möbius map
     assert alone.shape == (2, 2) and (hybrid[:, 1] < 0.5 * hybrid[:, 0]).all() and (hybrid < alone + 1e-9).all()
     assert off(pairs[1]) < 0.5 * off(pairs[0])
-
-
-def test_the_report_tells_features_and_held_out_curves(pairs):
     alone, hybrid = (result.report for result in pairs)
     assert (alone["delta"], alone["features"], alone["r"]) == (0.0, {}, {})
     assert (hybrid["delta"], hybrid["features"]) == (1.0, {"sulc": 0.5, "myelin": 0.5})
-    for before, after in hybrid["r"].values():
-        assert before < after <= 1 and after > 0.99
-    assert list(hybrid["held_out_mm"]) == ["spoke 1", "spoke 2"]
+    assert all(before < after <= 1 and after > 0.99 for before, after in hybrid["r"].values())
+    assert list(hybrid["held_out_mm"]) == options["hold_out"]
     assert [row["name"] for row in hybrid["curves"]] == list(pairs[1].curves) == ["spoke 0"]
-    for key in ("log2_area", "log2_shape"):
-        assert 0 < hybrid[key][0] < hybrid[key][1]
+    assert all(0 < hybrid[key][0] < hybrid[key][1] for key in ("log2_area", "log2_shape"))
     assert hybrid["suspect"] == [] and hybrid["bijective"] and json.dumps(hybrid)
 
 

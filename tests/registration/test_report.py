@@ -8,7 +8,7 @@ from qclearn.nets import losses
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk
 from qclearn.registration.problem import Problem, Weights
-from qclearn.registration.report import coefficient_statistics, log2_distortions, measured_losses
+from qclearn.registration.report import log2_distortions, measured_losses
 from qclearn.surfaces.surface import Surface
 
 Z, FACES = polar_disk(24, 72)
@@ -20,17 +20,15 @@ def measured(mu, mapped=POINTS, weights=(1.0, 1.0, 1.0)):
     return measured_losses(Problem(DISK, POINTS, POINTS), Weights(*weights), mu, mapped)
 
 
-def test_a_constant_coefficient_has_no_gradient():
-    found = measured(np.full(len(FACES), 0.3 - 0.4j))
-    assert found["L_mu"] == pytest.approx(0.25, rel=2e-3) and found["L_grad_mu"] < 1e-12 and found["L_Landmark"] == 0
-
-
 def test_linear_coefficients_have_the_gradient_of_their_slope():
-    """|grad (a z + b conj z)|^2 = 2 |a|^2 + 2 |b|^2 and the mean of |z|^2 over the disk is 1/2."""
+    """|grad (a z + b conj z)|^2 = 2 |a|^2 + 2 |b|^2 and the mean of |z|^2 over the disk is 1/2; a
+    constant has none."""
     for mu, slope in ((0.5 * CENTRES, 0.5), (0.3j * CENTRES.conj(), 0.3)):
         found = measured(mu)
         assert found["L_grad_mu"] == pytest.approx(2 * slope**2, rel=0.03)  # the averages at the rim lie inwards
         assert found["L_mu"] == pytest.approx(slope**2 / 2, rel=5e-3)
+    found = measured(np.full(len(FACES), 0.3 - 0.4j))
+    assert found["L_mu"] == pytest.approx(0.25, rel=2e-3) and found["L_grad_mu"] < 1e-12 and found["L_Landmark"] == 0
 
 
 def test_the_sum_is_weighted_and_landmarks_count_by_their_squared_distance():
@@ -42,28 +40,13 @@ def test_the_sum_is_weighted_and_landmarks_count_by_their_squared_distance():
 
 
 def test_the_losses_are_those_that_networks_are_trained_with():
-    rng = np.random.default_rng(0)
+    rng, weights = np.random.default_rng(0), (2.0, 0.1, 1e4)
     mu = 0.3 * np.exp(1j * rng.uniform(0, 6, len(FACES))) * rng.uniform(0, 1, len(FACES))
     mapped = POINTS + 0.01 * rng.normal(size=3)
-    mesh = losses.LossMesh(DISK, torch.float64)
-    faces = torch.from_numpy(DISK.areas / np.pi)
-    tensor = losses.L_CP(
-        mesh,
-        torch.from_numpy(mu)[None],
-        torch.from_numpy(mapped)[None],
-        torch.from_numpy(POINTS)[None],
-        Weights(2.0, 0.1, 1e4),
-        shares=faces,
-    )
-    assert measured(mu, mapped, (2.0, 0.1, 1e4))["L_CP"] == pytest.approx(float(tensor[0]), rel=1e-12)
-
-
-def test_statistics_are_over_faces():
-    assert coefficient_statistics(np.array([0.6j, 0.2])) == {
-        "mean_abs_mu": pytest.approx(0.4),
-        "sd_abs_mu": pytest.approx(0.2),
-        "max_abs_mu": pytest.approx(0.6),
-    }
+    mesh, shares = losses.LossMesh(DISK, torch.float64), torch.from_numpy(DISK.areas / np.pi)
+    given = (torch.from_numpy(array)[None] for array in (mu, mapped, POINTS))
+    (loss,) = losses.L_CP(mesh, *given, Weights(*weights), shares=shares)
+    assert measured(mu, mapped, weights)["L_CP"] == pytest.approx(float(loss), rel=1e-12)
 
 
 def test_a_stretch_is_told_apart_into_area_and_shape():

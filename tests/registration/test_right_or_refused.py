@@ -46,28 +46,14 @@ register = partial(pipeline.register, features=None)  # bowls have no folds
 
 def ragged(height, rings, seed):
     """The bowl with one of two faces at the rim taken away, here and there: its rim has teeth, and
-    ears among them.
-
-    An ear is a face with two edges on the rim. Vertices keep their order; returns the surface and
-    the new numbers.
-    """
+    ears among them, faces with two edges on it. Vertices keep their order; returns the surface and
+    the new numbers."""
     surface, rng = bowl(height, rings=rings), np.random.default_rng(seed)
-    n, faces = 3 * rings, surface.faces
-    outer = faces >= len(surface.vertices) - n
-    removed = (outer.sum(1) == 2) & (rng.uniform(size=len(faces)) < 0.4)
-    kept = faces[~removed]
+    outer = surface.faces >= len(surface.vertices) - 3 * rings
+    kept = surface.faces[(outer.sum(1) != 2) | (rng.uniform(size=len(outer)) >= 0.4)]
     used, corners = np.unique(kept, return_inverse=True)
-    return Surface(surface.vertices[used], corners.reshape(-1, 3)), np.searchsorted(
-        used, np.arange(len(surface.vertices))
-    )
-
-
-def ears(surface):
-    """Faces with two edges on the rim."""
-    rim = surface.edges[surface.edge_faces[:, 1] < 0]
-    sides = np.sort(np.stack([surface.faces, np.roll(surface.faces, -1, 1)], 2), axis=2)
-    key = len(surface.vertices) * np.array([1, 0]) + np.array([0, 1])
-    return np.flatnonzero(np.isin(sides @ key, rim @ key).sum(1) == 2)
+    number = np.searchsorted(used, np.arange(len(surface.vertices)))
+    return Surface(surface.vertices[used], corners.reshape(-1, 3)), number
 
 
 @pytest.mark.parametrize("rings, coarse", [(14, 14), (24, 5)])
@@ -76,14 +62,12 @@ def test_ragged_rims_with_ears_are_registered_and_written(tmp_path, rings, coars
     rim."""
     moving, number = ragged(0.6, rings, 1)
     control, there = ragged(0.9, coarse, 2)
-    assert len(ears(moving)) > 3 and len(ears(control)) > 0
-    reach = rings - 3, coarse - 1
     curves = [
         {
             "name": f"spoke {k}",
             "detect": False,
-            "moving": number[spoke(k * rings, rings, 2, reach[0])].tolist(),
-            "control": there[spoke(k * coarse, coarse, 1, reach[1])].tolist(),
+            "moving": number[spoke(k * rings, rings, 2, rings - 3)].tolist(),
+            "control": there[spoke(k * coarse, coarse, 1, coarse - 1)].tolist(),
         }
         for k in range(3)
     ]
@@ -230,11 +214,9 @@ WRONG = {
     "text": lambda: qc.solve_beltrami_disk("0.1", FACES, FEW),
     "text among numbers": lambda: beltrami_coefficient(Z, FACES, ["a"] * len(Z)),
     "too long z": lambda: qc.solve_beltrami_disk(np.append(Z, 0), FACES, FEW),
-    "too long z, pinned": lambda: qc.solve_beltrami(np.append(Z, 0), FACES, FEW, [1], [0]),
     "planar points as rows": lambda: qc.stiffness(np.stack([Z.real, Z.imag], 1), FACES, FEW),
     "f too short": lambda: beltrami_coefficient(Z, FACES, Z[:-1]),
     "f as rows": lambda: qc.jacobian(Z, FACES, np.stack([Z.real, Z.imag], 1)),
-    "f in space": lambda: qc.jacobian(Z, FACES, np.zeros((len(Z), 3))),
     "mu of text": lambda: qc.solve_beltrami_disk(Z, FACES, ["x"] * len(FACES)),
     "points that are nowhere": lambda: locate(Z, FACES, [0.1, np.nan]),
     "points of text": lambda: locate(Z, FACES, "0.1"),
