@@ -14,17 +14,7 @@ from qclearn.io.frames import Frame
 from qclearn.io.fsaverage import whole_fsaverage5
 from qclearn.io.hemisphere import read_hemisphere
 from qclearn.io.mapfile import side_arrays, write_registration
-from qclearn.io.sphere import (
-    LEAST_AREA,
-    LEAST_EDGE,
-    RINGS,
-    UntanglingError,
-    drawn_in,
-    registered_sphere,
-    unit_sphere,
-    untangled,
-    whole_of,
-)
+from qclearn.io.sphere import RINGS, registered_sphere, unit_sphere, untangled
 from qclearn.plane.grids import polar_disk
 from qclearn.registration.report import distortion_maps
 from qclearn.surfaces.conformal import apply_mobius, parameterize
@@ -40,11 +30,9 @@ def maps():
     sides = {side: read_hemisphere(f"fsaverage5:{name}") for side, name in (("moving", "right"), ("control", "left"))}
     disks = {"moving": qc.mirror(sides["moving"].cut_surface), "control": sides["control"].cut_surface}
     laid = {side: parameterize(disk) for side, disk in disks.items()}
-    ends = {side: [vertex for curve in qc.demo_landmarks()["curves"] for vertex in curve[side]] for side in laid}
     z = {side: one.disk.z for side, one in laid.items()}
-    mapped = apply_mobius(
-        laid["moving"], qc.best_mobius(*(z[side][ends[side]] for side in ("moving", "control")))
-    ).disk.z
+    ends = (z[side][[vertex for curve in qc.demo_landmarks()["curves"] for vertex in curve[side]]] for side in laid)
+    mapped = apply_mobius(laid["moving"], qc.best_mobius(*ends)).disk.z
     arrays = {"disk_moving": z["moving"], "disk_map": mapped, "disk_control": z["control"], "mirrored": np.array(True)}
     for side, disk in disks.items():
         arrays |= {f"faces_{side}": disk.faces} | side_arrays(side, disk, sides[side].frame)
@@ -80,46 +68,40 @@ def test_a_hemisphere_on_itself_has_its_own_sphere(maps):
     assert not len(laid.moved)
 
 
-def test_the_files_hold_a_sound_sphere(maps, written):
+def test_the_files_hold_a_sound_sphere(maps, written, monkeypatch):
+    """Which without untangling has faces that are flipped."""
     assert everything(written / "out") == FILES
-    right = whole_fsaverage5("right", "pial")
+    right, ball = whole_fsaverage5("right", "pial"), whole_fsaverage5("left", "sphere")
     for name in ("sphere.reg", "sphere.reg.surf.gii"):
         found = qc.read_surface(written / "out" / name)
         np.testing.assert_array_equal(found.faces, right.faces[:, ::-1])  # of the mirrored one
-        assert not len(faults(found)) and found.face_areas.min() >= LEAST_AREA
-        assert found.edge_lengths.min() >= LEAST_EDGE
+        assert not len(faults(found)) and found.face_areas.min() >= spheres.LEAST_AREA
+        assert found.edge_lengths.min() >= spheres.LEAST_EDGE
         np.testing.assert_allclose(np.linalg.norm(found.vertices, axis=1), 100, atol=2e-5)
-    laid = registered_sphere(maps, whole_fsaverage5("left", "sphere"))
+    laid = registered_sphere(maps, ball)
     np.testing.assert_array_equal(found.vertices, laid.surface.vertices)
     rings = laid.rings[laid.moved]
     assert 0 < (rings > 0).sum() <= 0.005 * (laid.rings > 0).sum() and rings.max() <= RINGS
-
-
-def test_without_untangling_faces_are_flipped(maps, monkeypatch):
     monkeypatch.setattr(spheres, "untangled", lambda vertices, faces, rings: (spheres.stored(vertices), []))
-    assert len(faults(registered_sphere(maps, whole_fsaverage5("left", "sphere")).surface)) > 2
+    assert len(faults(registered_sphere(maps, ball).surface)) > 2
 
 
-def test_a_vertex_out_of_its_star_comes_back_and_nothing_else_moves():
-    p = spheres.stored(BALL.vertices)
-    np.testing.assert_array_equal(untangled(p, BALL.faces, np.zeros(len(p), int))[1], [])
-    p[7] = spheres.stored(-p[[7]] + 200 * p[[30]])[0]
-    rank = np.full(len(p), 4)
-    rank[7] = 0
+def test_a_vertex_out_of_its_star_comes_back_and_nothing_else_moves(monkeypatch):
+    """And a tangle without an end is an error."""
+    p, rank = spheres.stored(BALL.vertices), np.full(len(BALL.vertices), 4)
+    assert not len(untangled(p, BALL.faces, np.zeros(len(p), int))[1])
+    p[7], rank[7] = spheres.stored(-p[[7]] + 200 * p[[30]])[0], 0
     mended, gone = untangled(p, BALL.faces, rank)
     assert 7 in gone and len(gone) < 20 and not spheres.too_small(mended, BALL.faces).any()
-
-
-def test_a_tangle_without_an_end_is_an_error(monkeypatch):
     monkeypatch.setattr(spheres, "ROUNDS", 1)
-    with pytest.raises(UntanglingError, match="faces of the sphere stay flipped"):
-        untangled(BALL.vertices * [1, 1, -1], BALL.faces, np.zeros(len(BALL.vertices), int))
+    with pytest.raises(spheres.UntanglingError, match="faces of the sphere stay flipped"):
+        untangled(BALL.vertices * [1, 1, -1], BALL.faces, np.zeros(len(p), int))
 
 
 def test_points_are_drawn_into_the_rims_polygon_in_their_order():
     rim = np.exp(1j * np.array([0.1, 1.0, 2.5, 4.0, 5.2]))
     angle = np.linspace(-np.pi, np.pi, 400)
-    drawn = [drawn_in(size * np.exp(1j * angle), rim) for size in (0.05, 0.6, 0.9, 0.99, 1.0)]
+    drawn = [spheres.drawn_in(size * np.exp(1j * angle), rim) for size in (0.05, 0.6, 0.9, 0.99, 1.0)]
     assert (np.diff(abs(np.array(drawn)), axis=0) > 0).all()
     sides = np.roll(rim, -1) - rim
     height = ((sides.conj() / abs(sides)) * (drawn[-1][:, None] - rim)).imag.min(1)
@@ -169,7 +151,7 @@ def test_workbench_carries_places_as_transfer_does(maps, judged, source, mean, m
     places = qc.read_values(judged / f"{source}.func.gii")[maps[f"table_{source}"]]
     wanted = qc.transfer(places, disk[source], maps[f"faces_{source}"], disk[target])
     found = resampled(judged, "func", source)[maps[f"table_{target}"]]
-    whole = whole_of(maps, target)
+    whole = spheres.whole_of(maps, target)
     inner = whole.rings[whole.table] > RINGS
     off = np.linalg.norm(found - wanted, axis=1)[inner]
     assert off.mean() < mean and np.percentile(off, 99) < most and inner.sum() > 8500
@@ -230,12 +212,12 @@ def bulged(vertices):
 def test_what_is_not_the_controls_sphere(vertices, faces, fault):
     with pytest.raises(qc.SurfaceError, match=fault):
         unit_sphere(qc.Surface(vertices, faces), BALL.faces)
+
+
+def test_a_sphere_of_any_radius_is_taken_but_none_of_other_counts(maps):
     for radius in (1, 100):
         scaled = qc.Surface(radius * BALL.vertices, BALL.faces)
         np.testing.assert_allclose(unit_sphere(scaled, BALL.faces), BALL.vertices, atol=1e-6)
-
-
-def test_a_sphere_or_a_whole_surface_of_other_counts_is_refused(maps):
     ball = whole_fsaverage5("left", "sphere")
     with pytest.raises(qc.SurfaceError, match="642 vertices and 1280 faces, where the control has 10242 and 20480"):
         unit_sphere(BALL, ball.faces)

@@ -31,22 +31,14 @@ def test_a_crude_sphere_does_not_hang_on_the_cut(wide):
     assert len(both) > 8000 and off.mean() < 0.05 and np.allclose(np.linalg.norm(crude_sphere(wide), axis=1), 1)
 
 
-def test_nor_on_the_unit_and_the_place_of_the_axes_origin():
-    moved = qc.Surface(1e-3 * LEFT.vertices + 7.0, LEFT.faces)
-    np.testing.assert_allclose(crude_sphere(moved), crude_sphere(LEFT), atol=1e-6)
-
-
-def test_a_flat_surface_has_one():
+def test_nor_on_the_unit_and_the_axes_and_a_flat_surface_and_a_rim_that_no_fan_can_close_have_one(monkeypatch):
+    """Such as a slit that runs through its own middle: faces of the fan would have no area."""
+    closed, moved = crude_sphere(LEFT), qc.Surface(1e-3 * LEFT.vertices + 7.0, LEFT.faces)
+    np.testing.assert_allclose(crude_sphere(moved), closed, atol=1e-6)
     z, faces = qc.polar_disk(6, 24)
     assert np.isfinite(crude_sphere(qc.Surface(np.stack([z.real, z.imag, 0 * z.real], axis=1), faces))).all()
-
-
-def test_a_rim_that_no_fan_can_close_stays_open(monkeypatch):
-    """As of a slit that runs through its own middle: faces of the fan would have no area."""
-    closed = crude_sphere(LEFT)
     monkeypatch.setattr(start, "degenerate_faces", lambda *mesh: np.arange(1))
-    left_open = crude_sphere(LEFT)
-    assert 0 < np.linalg.norm(left_open - closed, axis=1).mean() < 0.2
+    assert 0 < np.linalg.norm(crude_sphere(LEFT) - closed, axis=1).mean() < 0.2
 
 
 def test_two_cuts_of_one_brain_find_each_other(wide):

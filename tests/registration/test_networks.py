@@ -74,23 +74,16 @@ def test_a_curve_that_wanders_is_replaced_by_the_shortest_path(change, fault):
     np.testing.assert_array_equal(line, detect_curves(BOWL, Z, [spoke(0)[[0, -1]]])[0])
 
 
-def test_several_faults_and_of_two_detected_curves_that_cross_both_are_replaced():
+def test_of_two_detected_curves_that_cross_both_are_replaced_and_of_two_that_meet_in_an_end_none():
     crossed = [np.array([spoke(0)[-1], spoke(20)[-1]]), np.array([spoke(10)[-1], spoke(30)[-1]])]
     entries = [entry("one", crossed[0], True), entry("two", crossed[1], True), entry("apart", spoke(36), True)]
     lines, fallbacks = guarded(straight(lambda line: line[: len(line) - (line[0] == Z[spoke(36)[0]])]), entries)
     for line, path in zip(lines, [*crossed, spoke(36)], strict=True):
         np.testing.assert_array_equal(line, detect_curves(BOWL, Z, [path[[0, -1]]])[0])
-    assert fallbacks == [
-        "LD-Net's moving curve 'apart' misses its endpoints: shortest path",
-        "LD-Net's moving curve 'one' crosses or touches 'two': shortest path",
-        "LD-Net's moving curve 'two' crosses or touches 'one': shortest path",
-    ]
-
-
-def test_curves_that_meet_in_an_endpoint_do_not_cross():
-    ends = [np.array([spoke(0)[-1], 0]), np.array([0, spoke(12)[-1]])]
-    _, fallbacks = guarded(straight(), [entry("one", ends[0], True), entry("two", ends[1], True)])
-    assert fallbacks == []
+    faults = ("apart", "misses its endpoints"), ("one", "crosses or touches 'two'"), ("two", "crosses or touches 'one'")
+    assert fallbacks == [f"LD-Net's moving curve '{name}' {fault}: shortest path" for name, fault in faults]
+    meeting = [np.array([spoke(0)[-1], 0]), np.array([0, spoke(12)[-1]])]
+    assert guarded(straight(), [entry(f"{k}", ends, True) for k, ends in enumerate(meeting)])[1] == []
 
 
 def test_filling_keeps_the_polyline():

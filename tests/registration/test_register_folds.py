@@ -15,7 +15,7 @@ from qclearn.plane.grids import polar_disk
 from qclearn.registration.curves import check_curves, detect_curves, held_apart
 from qclearn.registration.features import Feature
 from qclearn.registration.fit import fit_registration
-from qclearn.registration.problem import DELTA, LandmarkError, Weights
+from qclearn.registration.problem import DELTA, Weights
 from qclearn.registration.register import register
 
 MOVING, CONTROL = bowl(0.6), bowl(1.2)  # vertices of the same number belong together
@@ -97,10 +97,10 @@ def test_delta_is_lowered_before_gamma(monkeypatch):
 
 
 def test_the_networks_answer_is_where_the_features_begin(monkeypatch):
-    seen, mu = [], np.full(len(MOVING.faces), 0.1 + 0.05j)
-    gamma = {"gamma_used": lambda weights: weights.gamma}
-    blocks = SimpleNamespace(detect=detect_curves, predict=lambda *_, **__: mu, **gamma)
-    loaded, counts = [], []
+    seen, loaded, counts, mu = [], [], [], np.full(len(MOVING.faces), 0.1 + 0.05j)
+    blocks = SimpleNamespace(
+        detect=detect_curves, predict=lambda *_, **__: mu, gamma_used=lambda weights: weights.gamma
+    )
     pipeline = sys.modules["qclearn.registration.register"]
     monkeypatch.setattr("qclearn.nets.load", lambda name: loaded.append(name) or blocks)
     made = pipeline.Stages.__init__
@@ -114,8 +114,6 @@ def test_the_networks_answer_is_where_the_features_begin(monkeypatch):
     result = register(MOVING, CONTROL, entries(0), "network", gamma=1e2, features=FEATURES, delta=1.0, eta=1.0)
     assert seen[0] is mu and off(result) < 0.03 and loaded == ["ldnet", "cpnet"]
     assert counts == [len(result.report["seconds"]) - 1] and "tolerance" not in result.report
-    with pytest.raises(LandmarkError, match="method 'network' needs landmarks"):
-        register(MOVING, CONTROL, [], "network", features=FEATURES)
 
 
 def test_folds_lead_unless_they_are_told_not_to():
