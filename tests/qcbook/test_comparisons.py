@@ -3,16 +3,7 @@
 import numpy as np
 import pytest
 
-from qcbook.comparisons import (
-    column,
-    compare_fronts,
-    compare_runs,
-    front_ratio,
-    median_pair,
-    methods_and_oracles,
-    noted,
-    paired_difference,
-)
+from qcbook import comparisons
 from qclearn.benchmark import BenchmarkError
 
 
@@ -21,7 +12,9 @@ def row(pair="a", run="one", **figures):
 
 
 def test_a_figure_that_a_pair_lacks_is_no_number():
-    found = column([row("a", landmark_error=0), row("b"), row("c", landmark_error=None)], "one", "landmark_error")
+    found = comparisons.column(
+        [row("a", landmark_error=0), row("b"), row("c", landmark_error=None)], "one", "landmark_error"
+    )
     assert list(found) == ["a", "b", "c"] and np.isnan([found["b"], found["c"]]).all() and found["a"] == 0
 
 
@@ -29,15 +22,21 @@ def test_a_front_is_compared_at_the_baselines_distortion():
     points = [("one", 0.1, 1e-2), ("two", 0.3, 1e-4), ("base", 0.2, 2e-3)]
     rows = [row("a", run, mean_abs_mu=size, landmark_error=error) for run, size, error in points]
     between = (1e-2 + 1e-4) / 2
-    assert front_ratio(rows, ["one", "two"], "base") == {"a": pytest.approx(between / 2e-3)}
+    assert comparisons.front_ratio(rows, ["one", "two"], "base") == {"a": pytest.approx(between / 2e-3)}
     beaten = row("a", "three", mean_abs_mu=0.15, landmark_error=0.02)
-    assert front_ratio([*rows, beaten], ["one", "two", "three"], "base") == {"a": pytest.approx(between / 2e-3)}
-    assert front_ratio(rows, ["one"], "base") == {"a": pytest.approx(1e-2 / 2e-3)}  # held beyond the last point
-    assert np.isnan(front_ratio(rows, ["two"], "base")["a"])  # its least distortion is more than the baseline's
+    assert comparisons.front_ratio([*rows, beaten], ["one", "two", "three"], "base") == {
+        "a": pytest.approx(between / 2e-3)
+    }
+    assert comparisons.front_ratio(rows, ["one"], "base") == {
+        "a": pytest.approx(1e-2 / 2e-3)
+    }  # held beyond the last point
+    assert np.isnan(
+        comparisons.front_ratio(rows, ["two"], "base")["a"]
+    )  # its least distortion is more than the baseline's
     rows[1]["certified"] = False
-    assert front_ratio(rows, ["one", "two"], "base") == {"a": pytest.approx(1e-2 / 2e-3)}
+    assert comparisons.front_ratio(rows, ["one", "two"], "base") == {"a": pytest.approx(1e-2 / 2e-3)}
     rows[2]["certified"] = False
-    assert front_ratio(rows, ["one", "two"], "base") == {}
+    assert comparisons.front_ratio(rows, ["one", "two"], "base") == {}
 
 
 def test_fronts_are_ahead_behind_or_level_by_their_interval():
@@ -49,44 +48,44 @@ def test_fronts_are_ahead_behind_or_level_by_their_interval():
         ]
 
     found = {
-        state: compare_fronts(rows_of(factors), ["fit"], "base", np.random.default_rng(0))
+        state: comparisons.compare_fronts(rows_of(factors), ["fit"], "base", np.random.default_rng(0))
         for state, factors in (("ahead", (0.5, 0.6, 0.5, 0.4)), ("behind", (2, 3, 2, 2)), ("level", (0.5, 2, 1, 1)))
     }
     assert {state: line["state"] for state, line in found.items()} == {state: state for state in found}
     assert found["behind"]["ratio"] == pytest.approx(24**0.25) and found["ahead"]["won"] == 4
     assert found["level"]["low"] < 1 < found["level"]["high"] and found["level"]["won"] == 1
-    nobody = compare_fronts([row("a", "fit")], ["fit"], "base", np.random.default_rng(0))
+    nobody = comparisons.compare_fronts([row("a", "fit")], ["fit"], "base", np.random.default_rng(0))
     assert nobody["state"] == "unknown" and nobody["pairs"] == 0
 
 
 def test_runs_are_compared_on_the_pairs_that_both_have():
     errors = ("a", "one", 3), ("b", "one", 9), ("b", "two", 7), ("a", "two", 1), ("c", "one", 100)
     rows = [row(pair, run, landmark_error=error) for pair, run, error in errors]
-    assert compare_runs(rows, "one", "two", "landmark_error", np.random.default_rng(0)) == (2, 2, 2)
+    assert comparisons.compare_runs(rows, "one", "two", "landmark_error", np.random.default_rng(0)) == (2, 2, 2)
 
 
 def test_oracles_stand_apart():
     truth = row("a", "oracle", landmark_error=0.1) | {"landmarks": "exact"}
     method = row("a", landmark_error=0.1) | {"landmarks": "path"}
-    assert methods_and_oracles([truth, method]) == ([method], [truth])
+    assert comparisons.methods_and_oracles([truth, method]) == ([method], [truth])
 
 
 def test_the_median_pair_is_shown():
     rows = [row(pair, landmark_error=error) for pair, error in zip("abcd", (0.4, 0.1, 0.3, 0.2))]
-    assert median_pair(rows, "one") == "d" and median_pair(rows[:3], "one") == "c"
+    assert comparisons.median_pair(rows, "one") == "d" and comparisons.median_pair(rows[:3], "one") == "c"
     with pytest.raises(BenchmarkError, match="no pair has a landmark error of the run 'two'"):
-        median_pair(rows, "two")
+        comparisons.median_pair(rows, "two")
 
 
 def test_notes_are_counted_by_their_words():
     rows = [row("a", notes=["two overlaps mended", "overlap again"]), row("b"), row("a", "two", notes=["an overlap"])]
-    assert noted(rows, "one", "overlap") == 1 and noted(rows, "one", "let go") == 0
+    assert comparisons.noted(rows, "one", "overlap") == 1 and comparisons.noted(rows, "one", "let go") == 0
 
 
 def test_the_bootstrap_interval_of_paired_differences_is_the_normal_one_for_many_subjects():
     rng = np.random.default_rng(0)
     subject, noise = 100 * rng.normal(size=400), rng.normal(size=(2, 400))
-    mean, low, high = paired_difference(subject + noise[0] + 1, subject + noise[1], rng)
+    mean, low, high = comparisons.paired_difference(subject + noise[0] + 1, subject + noise[1], rng)
     error = np.std(noise[0] - noise[1]) / 20
     assert mean == pytest.approx(1 + (noise[0] - noise[1]).mean())
     assert (high - mean, mean - low) == pytest.approx((1.96 * error, 1.96 * error), rel=0.05)
@@ -94,5 +93,5 @@ def test_the_bootstrap_interval_of_paired_differences_is_the_normal_one_for_many
 
 def test_pairs_that_miss_a_figure_are_left_out():
     rng = np.random.default_rng(0)
-    assert paired_difference([1, 2, np.nan], [0, np.nan, 5], rng) == (1, 1, 1)
-    assert np.isnan(paired_difference([np.nan], [1], rng)).all()
+    assert comparisons.paired_difference([1, 2, np.nan], [0, np.nan, 5], rng) == (1, 1, 1)
+    assert np.isnan(comparisons.paired_difference([np.nan], [1], rng)).all()

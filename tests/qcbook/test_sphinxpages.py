@@ -8,9 +8,7 @@ from qcbook.sphinxpages import JoinFolded, escape_text, mark_silent
 
 def cell(code, folded, prints=False):
     made = nodes.container(nb_element="cell_code")
-    source = nodes.container(nb_element="cell_code_source")
-    source += nodes.literal_block(code, code)
-    made += source
+    made += nodes.container("", nodes.literal_block(code, code), nb_element="cell_code_source")
     if prints:
         made += nodes.container(nb_element="cell_code_output")
     if folded:

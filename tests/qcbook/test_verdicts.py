@@ -23,15 +23,10 @@ def test_a_size_is_judged_by_its_factor():
     assert judge_size(1, 20) == "20 times larger"
 
 
-def test_an_order_breaks_with_one_pair():
-    assert judge_order([4, 3, 1], rising=False) == "agrees"
-    assert judge_order([4, 3, 3.5], rising=False) == "does not hold"
-    assert judge_order([4, 3, 1], rising=True) == "does not hold"
-    assert judge_order([1, 1], rising=True) == "does not hold"
-
-
-def test_a_bound_is_a_bound():
-    assert judge_bound(0.9, 0.95) == "agrees"
+def test_an_order_breaks_with_one_pair_and_a_bound_is_a_bound():
+    assert judge_order([4, 3, 1], rising=False) == "agrees" == judge_bound(0.9, 0.95)
+    broken = ([4, 3, 3.5], False), ([4, 3, 1], True), ([1, 1], True)
+    assert {judge_order(values, rising=rising) for values, rising in broken} == {"does not hold"}
     assert judge_bound(0.9, 0.66) == "does not hold"
     assert [judge_all(12, 12), judge_all(11, 12), judge_all(0, 0)] == ["agrees", "does not hold", "does not hold"]
 
