@@ -204,6 +204,7 @@ def test_runs_whose_networks_are_missing_say_why(monkeypatch):
     def missing(name, preset, gamma=None):
         raise ImportError(f"no {name}")
 
+    assert "got 3" in lacking(Run("other", "cpnet_exact", {"preset": "paper", "gamma": 3.0}))
     for place in (table, networks):
         monkeypatch.setattr(place, "network", missing)
     reasons = {run.name: lacking(run) for run in RUNS}
