@@ -7,7 +7,6 @@ _TEMPLATE = (
 )
 _METHOD = "a method is a Python function; 'How to add a method' has one that runs a program"
 _REGIONS = f"compare regions by scikit-learn's f1_score(..., sample_weight=areas), as {_OWN} does"
-_JOBS = "register in a loop, by joblib for many"
 
 GONE = {
     # commands and options of the command line
@@ -22,7 +21,7 @@ GONE = {
     # Python's names and arguments
     "qclearn.template": _TEMPLATE,
     "qclearn.Template": _TEMPLATE,
-    "qclearn.TemplateError": f"{_TEMPLATE}; {_JOBS}",
+    "qclearn.TemplateError": f"{_TEMPLATE}; register in a loop, by joblib for many",
     "qclearn.WorkersError": "the error is qclearn.benchmark.BenchmarkError",
     "register(annotations=)": _REGIONS,
     "benchmark(programs=)": _METHOD,

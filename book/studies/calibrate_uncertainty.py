@@ -27,13 +27,14 @@ from scipy.stats import spearmanr
 import qclearn as qc
 from qclearn.benchmark.cortex import fsaverage_side, person, warp_pair
 from qclearn.benchmark.pairs import Pair, cohort_pair, mapped_subject
-from qclearn.io.checkpoint import Checkpoint
 from qclearn.io.provenance import commit
 from qclearn.io.safe import write_whole
 from qclearn.registration.curves import curve_distance, curves_in_space, curves_of_both
 from qclearn.registration.problem import DELTA, ETA, Weights
 from qclearn.registration.report import quantile
 from qclearn.registration.uncertainty import MOST, calibrated
+
+from .parts import Parts
 
 SIZES = {
     "calibrate": 10 * [6_000] + 6 * [8_000] + 3 * [10_000] + [20_000],
@@ -133,7 +134,7 @@ def main():
         "generation": GENERATION,
         "weights": {kind: vars(weights) for kind, weights in USUAL.items()},
     }
-    checkpoint = Checkpoint(user_cache_path("qclearn") / "sure", settings, RuntimeError)
+    checkpoint = Parts(user_cache_path("qclearn") / "sure", settings, RuntimeError)
     found, words = {}, {}
     for part, kind, first, second, setting in cases():
         seeds = [FIRST[part] + number for number in (first, second)]

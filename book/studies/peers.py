@@ -34,7 +34,6 @@ from qclearn.benchmark.pairs import mapped_subject
 from qclearn.benchmark.problems import problems
 from qclearn.benchmark.run import benchmark
 from qclearn.benchmark.runs import FOLDED, RUNS, Run
-from qclearn.io.checkpoint import Checkpoint
 from qclearn.io.extras import require
 from qclearn.io.meshes import read_surface, write_surface
 from qclearn.io.provenance import commit
@@ -42,6 +41,8 @@ from qclearn.registration.curves import check_curves
 from qclearn.registration.start import SurfacePair, align_disks, sample_landmarks
 from qclearn.surfaces.conformal import parameterize
 from qclearn.surfaces.surface import Surface
+
+from .parts import Parts
 
 LIMIT = 3600.0  # seconds that a program may take
 VERTICES = 10_000  # of a synthetic subject
@@ -152,7 +153,7 @@ def run_task(path):
 def main(out, sets, subjects, workers):
     require("peers", "Spherical Demons")
     settings = {"sets": sets, "subjects": subjects, "commit": commit()}
-    parts = Checkpoint(f"{out}.parts", settings, BenchmarkError)
+    parts = Parts(f"{out}.parts", settings, BenchmarkError)
     folder = parts.path.absolute()
     runs = {run.name: run for run in RUNS if run.name in OURS}
     runs["rotation"] = Run("rotation", "rotation", sets=FOLDED)

@@ -23,7 +23,6 @@ from tqdm import tqdm
 import qclearn as qc
 from data_synth.cohort import cohort
 from qclearn.benchmark.measured import RESULTS, plain, write_measured
-from qclearn.io.checkpoint import Checkpoint
 from qclearn.io.provenance import commit
 from qclearn.plane.disk import Disk
 from qclearn.registration import diagnose
@@ -41,6 +40,8 @@ from qclearn.registration.diagnose import (
 from qclearn.registration.features import FOLDS
 from qclearn.registration.start import SurfacePair
 from qclearn.surfaces.conformal import ParameterizedSurface, parameterize
+
+from .parts import Parts
 
 VERTICES, CASES = (3000, 20)  # of the synthetic subjects; of each mistake, and ten times as many good ones
 FEW, ALONE = (", one or two", ", folds alone")  # ends of kinds: with so few curves, the others held out
@@ -217,7 +218,7 @@ def main(also, out):
     )
     # A stopped run goes on only at the commit that it began with.
     settings = {"vertices": VERTICES, "also": list(also), "commit": commit()}
-    checkpoint = Checkpoint(f"{out}.partial", settings, click.ClickException)
+    checkpoint = Parts(f"{out}.partial", settings, click.ClickException)
     done = {}
     for kind, number in tqdm(wanted):
         done[kind, number] = checkpoint.json(f"{kind} {number}.json", partial(measure, kind, number, (real, synthetic)))

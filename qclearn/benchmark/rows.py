@@ -38,8 +38,7 @@ class Journal:
 
     def finish(self, provenance):
         """Write the results file, whole or not at all, and drop the journal; the results, dict."""
-        runs = [run["name"] for run in self.settings["runs"]]
-        order = {name: number for number, name in enumerate(runs)}
+        order = {run["name"]: number for number, run in enumerate(self.settings["runs"])}
         rows = sorted(self.rows, key=lambda row: (row["set"], row["pair"], order[row["run"]]))
         results = {"schema_version": SCHEMA_VERSION, "settings": self.settings}
         results |= {"provenance": plain(provenance), "rows": rows}

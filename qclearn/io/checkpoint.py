@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 from ..surfaces.surface import SurfaceError
-from .safe import npz_arrays, npz_bytes, write_whole
+from .safe import write_whole
 
 SETTINGS = "settings.json"
 
@@ -73,19 +73,3 @@ class Checkpoint:
         except SurfaceError as error:
             message = f"{error}; what was finished is kept: run it again to go on"
             raise self.error(message) from None
-
-    def arrays(self, name, make):
-        """The arrays (dict) of a part: stored ones, or those of `make()`, which are stored."""
-        data = self.read(name)
-        if data is None:
-            data = npz_bytes(make())
-            self.write(name, data)
-        return npz_arrays(data)
-
-    def json(self, name, make):
-        """What JSON can say of a part: stored, or that of `make()`, which is stored."""
-        data = self.read(name)
-        if data is None:
-            data = json.dumps(make()).encode()
-            self.write(name, data)
-        return json.loads(data)

@@ -167,17 +167,14 @@ def frame_of_image(path, image):
     if not points:
         return Frame(side)
     count = int(meta[_COUNT]) if re.fullmatch("[1-9][0-9]{0,9}", meta.get(_COUNT, "")) else None
-    return Frame(side, _space_of(path, points[0].coordsys), _volume_of(meta), kind, count)
-
-
-def _space_of(path, space):
-    """A point set's coordinate system with a 4 x 4 matrix, or None."""
-    if space and space.dataspace is not None and np.size(space.xform) == 16:
-        return GiftiCoordSystem(space.dataspace, space.xformspace, np.reshape(space.xform, (4, 4)))
-    if space:
+    # A coordinate system counts with a known name and a 4 x 4 matrix.
+    given, space = points[0].coordsys, None
+    if given and given.dataspace is not None and np.size(given.xform) == 16:
+        space = GiftiCoordSystem(given.dataspace, given.xformspace, np.reshape(given.xform, (4, 4)))
+    elif given:
         fault = "its coordinate system has an unknown name or not 4 x 4 numbers, and is left out"
         warnings.warn(f"{path}: {fault}", LeftOutWarning, stacklevel=2)
-    return None
+    return Frame(side, space, _volume_of(meta), kind, count)
 
 
 def _volume_of(meta):

@@ -64,7 +64,9 @@ def untangled(
             near = np.flatnonzero(np.isin(faces, active).any(1))
         if turn % EASE == EASE - 1:
             soft = active[rank[active] < SOFT]
-            p[soft] = stored(neighbour_sums(p, faces[near])[soft])
+            # each goes to the sum of its neighbours, each as often as faces join the two
+            pairs = np.broadcast_to(1 - np.eye(3), (len(near), 3, 3))
+            p[soft] = stored((assemble(faces[near], pairs, len(p)) @ p)[soft])
             moved[soft] = True
         # Full steps that have not helped by now may go round in circles: then steps are random.
         steps = np.full(len(active), STEP)
@@ -104,12 +106,6 @@ def doubled_areas(p, faces):
     a, b, c = (p[corner] for corner in faces.T)
     gradient = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], 1) / RADIUS
     return np.einsum("fi,fi->f", a, gradient[:, 0]), gradient
-
-
-def neighbour_sums(p, faces):
-    """The sum of the neighbours of each vertex, (V, 3), each as often as faces join the two."""
-    others = assemble(faces, np.broadcast_to(1 - np.eye(3), (len(faces), 3, 3)), len(p))
-    return others @ p
 
 
 def least_moves(p, faces, active, rank, steps):

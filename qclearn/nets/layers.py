@@ -229,10 +229,6 @@ class CoefficientNetwork(nn.Module):
         weights = Weights(alpha, beta, gamma)
         return self.answer(Problem(disk_of(z, faces), moving, target, curve), weights, **options)
 
-    def gamma_used(self, weights):
-        """The gamma that `predict` answers for: the given one."""
-        return weights.gamma
-
 
 class PolarFunction:
     """The map f(z) = z q(z), q (rings, spokes) at the radii 1/rings ... 1, bilinear between.

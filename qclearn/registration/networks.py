@@ -80,12 +80,6 @@ def refined(problem, weights, mu, network_map, tolerance):
     return replace(plain, fallbacks=fallbacks, switched=network_map.switched)
 
 
-def gamma_messages(network, weights):
-    """Messages on the gamma that CP-Net answers for where it is below the given one, as a list."""
-    used = network.gamma_used(weights)
-    return [f"CP-Net answered for gamma = {used:.3g}"] if used < weights.gamma else []
-
-
 def fold_message(network_map):
     if network_map is None:
         return "was not finite"

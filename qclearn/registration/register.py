@@ -17,7 +17,7 @@ from .curves import check_curves, held_apart
 from .diagnose import diagnose_landmarks
 from .features import FOLDS, check_features, featured
 from .fit import checked, fit_with_fallbacks
-from .networks import TOLERANCE, certified_network_map, gamma_messages, predicted
+from .networks import TOLERANCE, certified_network_map, predicted
 from .problem import DELTA, DELTA_BY_DISKS, ETA, LandmarkError, Weights
 from .report import report_of
 from .start import SurfacePair, align_disks, sample_landmarks
@@ -199,10 +199,8 @@ def register(
     with stages("pull_back"):
         points = pair.control.lift(fit.f)
         report = {"method": method} | report_of(pair, weights, fit, points, wrong, stopped)
-    if networks:
-        report["fallbacks"][:0] = gamma_messages(networks["cpnet"], weights)
-        if features is None:  # JSON knows no infinity
-            report["tolerance"] = tolerance if np.isfinite(tolerance) else None
+    if networks and features is None:  # JSON knows no infinity
+        report["tolerance"] = tolerance if np.isfinite(tolerance) else None
 
     # Where it is asked for: how far the points may be off.
     radius = None

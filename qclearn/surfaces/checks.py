@@ -102,18 +102,6 @@ def check_shapes(vertices, faces, torn=False):
         )
 
 
-def _check_duplicates(faces):
-    ordered = np.sort(faces, axis=1)
-    order = np.lexsort(ordered.T)
-    same = (ordered[order[1:]] == ordered[order[:-1]]).all(axis=1)
-    if same.any():
-        pairs = np.sort(np.stack([order[:-1][same], order[1:][same]], axis=1), axis=1)
-        raise SurfaceError(
-            f"duplicate faces: {counted(pairs, 'pair')} with the same vertices: {some(pairs)}. "
-            "Keep one of each pair"
-        )
-
-
 def check_topology(vertices, faces, torn=None):
     """Edges (E, 2), their faces (E, 2), boundary half-edges (B, 2) of a manifold, oriented,
     connected mesh without a seam; torn: the vertices (V,) bool that matter of one whose wall is
@@ -133,7 +121,16 @@ def check_topology(vertices, faces, torn=None):
     wrong = tails[one] == tails[two]
     # A cheap test first: where a face is there twice, one of these holds.
     if len(crowded) or wrong.any() or len(faces) == 2:
-        _check_duplicates(faces)
+        # Twice the same face is the plainer word for it.
+        ordered = np.sort(faces, axis=1)
+        order = np.lexsort(ordered.T)
+        same = (ordered[order[1:]] == ordered[order[:-1]]).all(axis=1)
+        if same.any():
+            pairs = np.sort(np.stack([order[:-1][same], order[1:][same]], axis=1), axis=1)
+            raise SurfaceError(
+                f"duplicate faces: {counted(pairs, 'pair')} with the same vertices: {some(pairs)}. "
+                "Keep one of each pair"
+            )
     if len(crowded):
         raise SurfaceError(
             f"not manifold: {counted(crowded, 'edge')} (vertex pairs) with more than two faces: "

@@ -116,7 +116,12 @@ def _disk_piece(surface, piece):
         before = piece
         piece = _largest(surface, piece, cut=np.zeros(len(surface.edges), dtype=bool))
         piece = _with_holes_filled(surface, piece)
-        piece = _without_touching_fans(surface, piece)
+        # One fan of faces stays at every vertex, the largest.
+        rim = surface.edges[_rim(surface, piece)]
+        for vertex in np.flatnonzero(np.bincount(rim.ravel()) > 2):
+            around = piece & (surface.faces == vertex).any(axis=1)
+            apart = ~(surface.edges == vertex).any(axis=1)
+            piece = piece & ~around | _largest(surface, around, cut=apart)
         # Inner edges that join two vertices of the rim part it.
         on_rim = np.zeros(len(surface.vertices), dtype=bool)
         on_rim[surface.edges[_rim(surface, piece)]] = True
@@ -146,16 +151,6 @@ def _with_holes_filled(surface, piece):
     # The opening is the surface's own boundary, else the largest gap.
     largest = np.bincount(gap[cut], surface.face_areas[cut]).argmax()
     return piece | ~np.isin(gap, label[outside] if len(outside) else largest)
-
-
-def _without_touching_fans(surface, piece):
-    """A piece with one fan of faces, the largest, at every vertex."""
-    rim = surface.edges[_rim(surface, piece)]
-    for vertex in np.flatnonzero(np.bincount(rim.ravel()) > 2):
-        around = piece & (surface.faces == vertex).any(axis=1)
-        apart = ~(surface.edges == vertex).any(axis=1)
-        piece = piece & ~around | _largest(surface, around, cut=apart)
-    return piece
 
 
 def _rim(surface, piece):

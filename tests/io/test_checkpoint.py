@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from book.studies.parts import Parts
 from qclearn.io.checkpoint import Checkpoint, require_home
 
 
@@ -16,7 +17,7 @@ class RunError(ValueError):
 def test_a_finished_part_is_made_once(tmp_path):
     made = []
     for _ in range(2):
-        run = Checkpoint(tmp_path / "run", {"steps": 3}, RunError)
+        run = Parts(tmp_path / "run", {"steps": 3}, RunError)
         arrays = run.arrays("one.npz", lambda: made.append(1) or {"a": np.arange(3.0), "name": np.array("x")})
         assert arrays["a"].tolist() == [0, 1, 2] and str(arrays["name"]) == "x"
         assert run.json("two.json", lambda: {"n": len(made)}) == {"n": 1}

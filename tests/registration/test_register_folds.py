@@ -98,9 +98,7 @@ def test_delta_is_lowered_before_gamma(monkeypatch):
 
 def test_the_networks_answer_is_where_the_features_begin(monkeypatch):
     seen, loaded, counts, mu = [], [], [], np.full(len(MOVING.faces), 0.1 + 0.05j)
-    blocks = SimpleNamespace(
-        detect=detect_curves, predict=lambda *_, **__: mu, gamma_used=lambda weights: weights.gamma
-    )
+    blocks = SimpleNamespace(detect=detect_curves, predict=lambda *_, **__: mu)
     pipeline = sys.modules["qclearn.registration.register"]
     monkeypatch.setattr("qclearn.nets.load", lambda name: loaded.append(name) or blocks)
     made = pipeline.Stages.__init__
