@@ -1,7 +1,7 @@
 """CP-Net, the coefficient prediction network: from landmarks and weights to mu.
 
 Preset `best` corrects the first Gauss-Newton step (the Born step) by a U-Net that has learned from
-fits, and looks at the map of its answer on the caller's mesh (`registration.refinement`). Preset
+fits, and looks at the map of its answer on the caller's mesh (`nets.refinement`). Preset
 `paper` is the paper's, corrected.
 """
 

@@ -2,9 +2,9 @@
 
 `diagnose_landmarks` compares the curves' ends after the best Möbius map with how they would lie
 under another `LandmarkHypothesis`: curves swapped or reversed, a mirrored surface, surfaces
-exchanged, another numbering. Fewer than three curves do not determine a Möbius map, so depth and
-curvature align the disks. `reasons`, `disagreeing` and `worse` judge the map. LIMITS are their
-thresholds, each beside what was measured (book/studies/suspect.py): good | with the mistake.
+exchanged, another numbering. Fewer than three curves do not determine a Möbius map, so the
+features align the disks. `reasons`, `disagreeing`, `astray` and `worse` judge the map. LIMITS are
+thresholds beside what was measured (book/studies/suspect.py): good | with the mistake.
 """
 
 from dataclasses import dataclass, replace

@@ -28,7 +28,6 @@ FINEST = 4.0  # mm, the scale at which features are compared in reports
 OUTLIERS = 2.5
 SMOOTH_OUTLIERS = 3.0
 TAIL = 0.01
-ROUND = 20.0  # mm, the scale at which a hemisphere has no folds and still its shape
 HEAT_STEPS = 4  # implicit steps of the heat flow to one scale
 COARSE_VERTICES = 12_000  # of a large surface, on which coarser scales are smoothed
 # mm^2, of a surface on which a scale is in mm; on others in proportion, whatever their unit.
@@ -201,23 +200,20 @@ def vertex_slopes(disk, values):
     return disk.to_vertices @ np.einsum("fk,fkc->fc", disk.gradients, values[disk.faces])
 
 
-def mobius_by_features(features, z, near=False, search=FOLDED):
+def mobius_by_features(features, z, search=FOLDED):
     """(a, theta) of the disk Möbius map after which the features of a moving disk z (V,) match
-    best, at SCALE; the best of many maps on a few vertices are refined on more, or with `near` the
-    identity alone."""
+    best, at SCALE; the best of many maps on a few vertices are refined on more."""
     turns, radii, directions, best = search
     inner = np.flatnonzero(abs(z) < 0.999)  # the others leave the control's polygon
     share = features.areas[inner] / features.areas[inner].sum()
     some = np.random.default_rng(0).choice(inner, POINTS, p=share)
-    a, theta = np.zeros(1, complex), np.zeros(1)
-    if not near:
-        around = np.exp(2j * np.pi * np.arange(directions) / directions)
-        centres = np.concatenate([[0j], np.multiply.outer(radii, around).ravel()])
-        a, theta = np.repeat(centres, turns), np.tile(np.arange(turns), len(centres))
-        theta = 2 * np.pi * theta / turns
-        residual, _ = Match(features, z, some[:SCOUTS])((a, theta))
-        order = np.argsort((residual**2).sum(1), kind="stable")[:best]
-        a, theta = a[order], theta[order]
+    around = np.exp(2j * np.pi * np.arange(directions) / directions)
+    centres = np.concatenate([[0j], np.multiply.outer(radii, around).ravel()])
+    a = np.repeat(centres, turns)
+    theta = 2 * np.pi * np.tile(np.arange(turns), len(centres)) / turns
+    residual, _ = Match(features, z, some[:SCOUTS])((a, theta))
+    order = np.argsort((residual**2).sum(1), kind="stable")[:best]
+    a, theta = a[order], theta[order]
     (a, theta), residual = descend(Match(features, z, some), (a, theta), ROUNDS)
     least = (residual**2).sum(1).argmin()
     return complex(a[least]), float(theta[least])

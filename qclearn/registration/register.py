@@ -125,6 +125,7 @@ def register(
     hold_out: names of curves (or `"hold_out": true` in the file) that are measured and not fitted.
     uncertainty: also a radius in mm at each moving vertex, calibrated where the truth is known
     (uncertainty.py): `result.uncertainty` and `report["uncertainty"]`.
+    sliding: inner points of a curve may move along their target curve. progress: show a bar.
     accept_suspect: fit wrong landmarks, too. By default landmarks that are swapped, reversed,
     mirrored, exchanged or of another numbering are reported before the fit, and the result is the
     aligned map (`report["stopped"]`).

@@ -1,5 +1,5 @@
-"""The residuals of a fit: mismatches of landmarks and of features, and changes of area. Each term
-has `residual(f)` and the sparse derivative `rows(f)`."""
+"""The residuals of a fit: mismatches of landmarks and of features, and changes of area. Terms of
+the map f have `residual(f)` and the sparse derivative `rows(f)`."""
 
 import numpy as np
 from scipy import sparse

@@ -120,19 +120,24 @@ def sample_landmarks(pair, detect=None, sliding=False):
     path."""
     held_lines, _ = lines_by_name(pair, pair.held)
     lines, messages = lines_by_name(pair, pair.curves, detect)
-    pair = replace(pair, lines=lines, held_lines=held_lines, messages=tuple(messages))
     moving = pair.moving
     control = pair.control
+    samples = ()
+    if pair.curves:
+        lines_moving, lines_control = zip(*lines.values())
+        samples = sample_lines(moving, lines_moving), sample_lines(control, lines_control)
+    sampled = replace(
+        pair, lines=lines, held_lines=held_lines, samples=samples, messages=tuple(messages)
+    )
+    if "directions" in vars(pair):  # they cost a second, and are the same
+        vars(sampled)["directions"] = pair.directions
     if not pair.curves:
-        return Problem(moving.disk, [], [], fewest=0, pair=pair)
-    lines_moving, lines_control = zip(*lines.values())
-    samples = sample_lines(moving, lines_moving), sample_lines(control, lines_control)
+        return Problem(moving.disk, [], [], fewest=0, pair=sampled)
     p = samples[0] @ moving.disk.z
     q = samples[1] @ control.disk.z
     # A point that curves share is one landmark of the fit.
     once = distinct_landmarks(pair.curves, p, q)
-    pair = replace(pair, samples=samples)
-    return Problem(moving.disk, p[once], q[once], once // POINTS_PER_CURVE, sliding, pair=pair)
+    return Problem(moving.disk, p[once], q[once], once // POINTS_PER_CURVE, sliding, pair=sampled)
 
 
 def lines_by_name(pair, curves, detect=None):
@@ -274,8 +279,7 @@ def from_two_starts(multiresolution, levels, weights, features):
     state = leading.at(nothing, best_by_features(directions, z, PLACED))
     state, _ = run_level(leading, state, guiding[0])
     apart = features.areas @ abs(leading.moved(state) - z)
-    resumed = leading, state
-    best = multiresolution.run(guiding, weights, features=features, resumed=resumed)
+    best = multiresolution.run(guiding, weights, features=features, resumed=(leading, state))
     message = f"by crude spheres, {apart:.2g} in the disk from the best Möbius map of features"
 
     # Far from the best Möbius map of features: fit from there as well, and take the better of both.
