@@ -121,11 +121,10 @@ def sample_landmarks(pair, detect=None, sliding=False):
     held_lines, _ = lines_by_name(pair, pair.held)
     lines, messages = lines_by_name(pair, pair.curves, detect)
     moving = pair.moving
-    control = pair.control
     samples = ()
     if pair.curves:
         lines_moving, lines_control = zip(*lines.values())
-        samples = sample_lines(moving, lines_moving), sample_lines(control, lines_control)
+        samples = sample_lines(moving, lines_moving), sample_lines(pair.control, lines_control)
     sampled = replace(
         pair, lines=lines, held_lines=held_lines, samples=samples, messages=tuple(messages)
     )
@@ -134,7 +133,7 @@ def sample_landmarks(pair, detect=None, sliding=False):
     if not pair.curves:
         return Problem(moving.disk, [], [], fewest=0, pair=sampled)
     p = samples[0] @ moving.disk.z
-    q = samples[1] @ control.disk.z
+    q = samples[1] @ pair.control.disk.z
     # A point that curves share is one landmark of the fit.
     once = distinct_landmarks(pair.curves, p, q)
     return Problem(moving.disk, p[once], q[once], once // POINTS_PER_CURVE, sliding, pair=sampled)
