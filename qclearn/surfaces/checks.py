@@ -122,11 +122,11 @@ def check_topology(vertices, faces, torn=None):
     # A cheap test first: where a face is there twice, one of these holds.
     if len(crowded) or wrong.any() or len(faces) == 2:
         # Twice the same face is the plainer word for it.
-        ordered = np.sort(faces, axis=1)
-        order = np.lexsort(ordered.T)
-        same = (ordered[order[1:]] == ordered[order[:-1]]).all(axis=1)
+        corners = np.sort(faces, axis=1)
+        alike = np.lexsort(corners.T)
+        same = (corners[alike[1:]] == corners[alike[:-1]]).all(axis=1)
         if same.any():
-            pairs = np.sort(np.stack([order[:-1][same], order[1:][same]], axis=1), axis=1)
+            pairs = np.sort(np.stack([alike[:-1][same], alike[1:][same]], axis=1), axis=1)
             raise SurfaceError(
                 f"duplicate faces: {counted(pairs, 'pair')} with the same vertices: {some(pairs)}. "
                 "Keep one of each pair"
