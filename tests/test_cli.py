@@ -206,14 +206,14 @@ def test_register_is_the_library_and_mirror_mirrors(folder, capsys):
 
 @pytest.mark.parametrize("options, code", [([], 3), (["--accept-suspect"], 0)])
 def test_a_suspect_registration_is_written_and_says_so(folder, capsys, quick, options, code):
-    quick["suspect"] = ["reversed: 'east' fits", "curve: 'north' ends"]
+    quick |= {"suspect": ["reversed: 'east' fits", "curve: 'north' ends"], "stopped": "the landmarks are wrong"}
     with pytest.raises(SystemExit) as stop:
         run(*to_register(folder, *options))
     output = capsys.readouterr()
     assert stop.value.code == code and everything(folder / "out") == FILES
     assert json.loads((folder / "out" / "report.json").read_text())["suspect"] == quick["suspect"]
     assert output.err.splitlines() == [f"qclearn: suspect: {'; '.join(quick['suspect'])}"]
-    assert re.search(r"^suspect +reversed; curve$", output.out, re.MULTILINE)
+    assert re.search(r"^stopped +the landmarks are wrong$.*^suspect +reversed; curve$", output.out, re.M | re.DOTALL)
 
 
 @pytest.mark.parametrize("moving, options, reason", [

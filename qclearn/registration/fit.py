@@ -18,7 +18,7 @@ What is minimised is the energy of nu; what is reported, L_mu and L_grad_mu, is 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Complex, Integer
@@ -76,14 +76,12 @@ class LandmarkFit(CheckedMap):
 
     steps: Gauss-Newton steps on the polar mesh and on the given one, or with features those of each
     level; losses: L_mu, L_grad_mu, L_Landmark, L_CP of the coefficient field, L_features and
-    L_area; r: feature -> correlation after the best Möbius map and after this one; start_message:
-    which of two starts the fit of features without landmarks went on from.
+    L_area; start_message: which of two starts the fit of features without landmarks went on from.
     """
 
     steps: tuple
     losses: dict
     start_message: str = ""
-    r: dict = field(default_factory=dict)
 
 
 def fit_landmarks(
@@ -170,9 +168,7 @@ def fit_registration(
     fit = better(*fitted)
     if weights.delta > OVERFITS:
         fit = fit.with_messages(f"delta = {weights.delta:g} overfits: choose it by held-out curves")
-    plain = mobius(problem.disk.z, *problem.mobius)
-    r = zip(features.correlation(plain).tolist(), features.correlation(fit.f).tolist())
-    return replace(fit, start_message=start_message, r=dict(zip(features.names, map(list, r))))
+    return replace(fit, start_message=start_message)
 
 
 def better(objective, state, steps, level=None):

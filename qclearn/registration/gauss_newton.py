@@ -234,7 +234,7 @@ def corrected(gram, products, gamma):
     return gram - old + new
 
 
-class Directions(NamedTuple):
+class CurvaturePairs(NamedTuple):
     """What a `PrimalStep` learns: directions y as columns, `H y` of its matrix H, and `y H y`."""
 
     Y: np.ndarray
@@ -248,7 +248,7 @@ class PrimalStep(ProductStep):
 
     `P = diag(W, B) + D_L^T D_L`, by Woodbury's formula, preconditions it: each of the landmarks'
     rows D_L of a large gamma would else cost a step; B: the other terms' part on the Möbius
-    parameters. learnt: the last step's `Directions`.
+    parameters. learnt: the last step's `CurvaturePairs`.
     """
 
     def __init__(self, objective, state, gamma):
@@ -259,7 +259,11 @@ class PrimalStep(ProductStep):
         by_mobius = (self.rows_conj[len(self.by_mobius) :] @ self.fields).real
         self.B = MOBIUS_PRIOR * np.eye(3) + MOBIUS_SHARE * by_mobius.T @ by_mobius
         self.B += RELIEF * self.by_mobius.T @ self.by_mobius
-        by_nu = np.ascontiguousarray(objective.jacobian(state, gamma)).view(float)
+        # Elsewhere than on nu's mesh the landmarks' gradients by nu are solved for once a level.
+        for_gamma, by_nu = objective.by_nu
+        if objective.on_nu_mesh or for_gamma != gamma:
+            by_nu = np.ascontiguousarray(objective.jacobian(state, gamma)).view(float)
+            objective.by_nu = gamma, by_nu
         self.D_L = np.hstack([by_nu, self.by_mobius])
         self.lifted = self.lift(self.D_L.T, self.B)
         self.S = np.linalg.inv(np.eye(len(self.D_L)) + self.D_L @ self.lifted)
@@ -289,7 +293,7 @@ class PrimalStep(ProductStep):
             self.product, self.precondition, load, PRIMAL_STEPS, enough
         )
         if directions:
-            self.learnt = Directions(*(np.stack(part, axis=-1) for part in zip(*directions)))
+            self.learnt = CurvaturePairs(*(np.stack(part, axis=-1) for part in zip(*directions)))
         promised = self.before - x @ (load + rest)
         return Change(x[:-3].view(complex), complex(x[-2], x[-1]), x[-3], promised)
 
@@ -301,7 +305,7 @@ class State:
     f (V,): M after the solver's map on the mapped mesh; points (M,): the mapped landmarks;
     solution: the solver with its factors; switched: how many rows the repair switched, in so many
     rounds; learnt: what the step to it learnt of its equations, a `DualStep`'s matrix or a
-    `PrimalStep`'s `Directions`; None at first.
+    `PrimalStep`'s `CurvaturePairs`; None at first.
     """
 
     nu: np.ndarray
@@ -311,7 +315,7 @@ class State:
     solution: DiskSolver
     switched: int = 0
     rounds: int = 0
-    learnt: np.ndarray | Directions | None = None
+    learnt: np.ndarray | CurvaturePairs | None = None
 
     @cached_property
     def folded(self):
@@ -348,6 +352,7 @@ class GaussNewtonObjective:
         self.factors = factorise(self.W)
         self.work, self.most_work = 0.0, np.inf
         self.last = None, None, None  # map, gamma and residual
+        self.by_nu = None, None  # gamma, and gradients that precondition a `PrimalStep`
         if not on_nu_mesh:
             gamma = weights.gamma if len(problem.moving) else LOW_GAMMA
             self.most_work = MOST_WORK * max(gamma / LOW_GAMMA, 1.0) ** GROWTH

@@ -207,7 +207,7 @@ def register(
     radius = None
     if uncertainty and not stopped:
         with stages("uncertainty"):
-            spread = uncertainty_of(pair, problem, weights, fit)
+            spread = uncertainty_of(problem, weights, fit)
             radius, report["uncertainty"] = uncertainty_report(spread, pair)
     report["seconds"] = stages.report()
     return Registration(

@@ -43,18 +43,17 @@ def report_of(pair, weights, fit, points, wrong, stopped):
         values = [row[key] for row in rows if key in row]
         means |= {key: float(np.mean(values))} if values else {}
 
-    # Features: `fit.r` begins with r after the Möbius map of distinct landmarks; the report's
-    # `before` is after that of all.
+    # Features: their correlation r.
     r, disagreements = {}, []
     if features:
-        start = features.correlation(before).tolist()
-        r = {name: [one, fit.r[name][1]] for name, one in zip(features.names, start)}
+        rs = (features.correlation(f).tolist() for f in (before, fit.f))
+        r = dict(zip(features.names, map(list, zip(*rs))))
         # Curves too few to determine `mobius_before` make way for the features' best Möbius map;
         # enough of them know the place in space.
         few = len(pair.curves) < FEWEST
         aligned = align_by_folds(pair).moving.disk.z if pair.curves and few else before
-        disagreements = [*disagreeing(features, aligned, fit.f)]
-        disagreements = disagreements or ([*astray(pair, fit.f)] if few else [])
+        nearer = astray(pair, fit.f) if few else ()
+        disagreements = [*disagreeing(features, aligned, fit.f)] or [*nearer]
 
     # The surface: how much of it is stretched.
     shares = moving.face_areas / moving.area

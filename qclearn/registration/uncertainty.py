@@ -112,10 +112,10 @@ class Laplace:
         return 1 - less / (rr + ii).diagonal()[:, None]
 
 
-def uncertainty_of(pair, problem, weights, fit):
-    """The `ErrorRadius` of a fit of an aligned `SurfacePair`; where no features took part, the
-    folds judge alone."""
-    folded, features = with_folds(pair), pair.features
+def uncertainty_of(problem, weights, fit):
+    """The `ErrorRadius` of a fit of a `Problem`; where no features took part, the folds judge
+    alone."""
+    folded, features = with_folds(problem.pair), problem.pair.features
     moving, control, areas = folded.moving, folded.control, folded.features.areas
     places = control.disk.locate(fit.f)
 

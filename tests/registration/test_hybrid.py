@@ -110,15 +110,13 @@ def twisted():
     return fit_registration(no_landmarks(), Weights(beta=1e-3, delta=10.0), features_of(TWIST))
 
 
-def test_a_map_is_found_again_by_features_alone_and_r_is_that_of_the_map(twisted):
+def test_a_map_is_found_again_by_features_alone(twisted):
     before, after = (abs(f - TWIST(MOVING.z)) for f in (MOVING.z, twisted.f))
     assert before.mean() > 0.1 and after.mean() < 0.07 * before.mean()
     assert twisted.bijective and twisted.fallbacks == () and twisted.landmark_error == 0
     assert abs(twisted.mu).max() < 0.98 and twisted.losses["L_features"] < 0.02  # rounding alone leads to .93 or .97
     before, after = (features_of(TWIST).correlation(f) for f in (MOVING.z, twisted.f))
     assert before.max() < 0.7 and after.min() > 0.99
-    assert list(twisted.r) == ["a", "b"]
-    np.testing.assert_allclose(list(twisted.r.values()), np.stack([before, after], axis=1))
 
 
 def test_features_lead_between_the_landmarks():

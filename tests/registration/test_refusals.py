@@ -179,3 +179,5 @@ def test_a_landmarks_file_that_python_cannot_parse_is_named(tmp_path, text):
     file.write_text(text)
     with pytest.raises(LandmarkError, match="curves.json: not a JSON file"):
         read_landmarks(file)
+    with pytest.raises(LandmarkError, match="none.json: cannot be read .*check the name"):
+        read_landmarks(tmp_path / "none.json")

@@ -28,6 +28,7 @@ def refused(*expected, vertices=TETRAHEDRON, faces=OUTWARD, curves=None):
 def test_arrays_are_stored_as_promised_and_cannot_be_changed():
     vertices = TETRAHEDRON.astype(np.float32)
     surface = Surface(vertices, OUTWARD.astype(np.uint16), {"ridge": [0, 3]})
+    assert repr(surface) == "Surface(4 vertices, 4 faces, curves ridge)"
     assert surface.vertices.dtype == np.float64 and surface.faces.dtype == surface.curves["ridge"].dtype == np.int64
     vertices[0] = 7
     np.testing.assert_array_equal(surface.vertices, TETRAHEDRON)

@@ -117,6 +117,8 @@ def test_a_heavier_weight_brings_landmarks_nearer_and_distorts_more(moved):
     sizes = [abs(moved.disk.coefficient(f)).mean() for f in maps]
     assert errors == sorted(errors, reverse=True) and sizes == sorted(sizes)
     np.testing.assert_allclose(harmonic(moved, 0.0), METHODS["mobius_only"](moved), atol=2e-3)
+    with pytest.raises(ValueError, match="weight = -1: give a number from 0"):
+        harmonic(moved, -1)
 
 
 def test_overlap_correction_unfolds(mesh, moved, monkeypatch):
