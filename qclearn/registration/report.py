@@ -100,8 +100,7 @@ def error_rows(pair, f):
     curves, where the surfaces carry them."""
     if not pair.curves:
         return []
-    moving = pair.moving
-    control = pair.control
+    moving, control = pair.moving, pair.control
     here, there = pair.samples
     mapped = here @ f
     q = there @ control.disk.z
