@@ -373,7 +373,7 @@ def test_landmarks_with_a_byte_order_mark_are_read(folder):
 
 
 def test_every_reason_and_exit_code_is_explained_in_the_help(capsys):
-    """Reasons: the words that messages of diagnose.py and units.py begin with; `walls:` is a fallback."""
+    """Reasons: the words that messages of diagnose.py and units.py begin with."""
     texts = [
         node.value
         for module in (diagnose, units)
@@ -381,13 +381,12 @@ def test_every_reason_and_exit_code_is_explained_in_the_help(capsys):
         if isinstance(node, ast.Constant) and isinstance(node.value, str)
     ]
     reasons = {found[1] for text in texts if (found := re.match(r"([a-z]+): ", text))}
-    assert "walls" in reasons
     run("register", "--help")
     explained = capsys.readouterr().out
     assert re.search(r"0 +registered\n +2 +refused: .*\n +3 +written, but suspect", explained)
     table = explained.split("A registration is suspect where", 1)[1]
     words = re.findall(r"^ +([a-z]+): {2,}\S", table, re.MULTILINE)
-    assert sorted(words) == sorted(reasons - {"walls"})
+    assert sorted(words) == sorted(reasons)
 
 
 def named_options(text):

@@ -102,6 +102,7 @@ def register(
       numbering:   they fit much better as vertex numbers of the whole surface, before `open` cut it
       reversed:    a curve fits much better run from its other end
       swapped:     curves fit much better with each other's names
+      walls:       the two medial walls were cut by different rules, and one of the following holds
       error:       the landmarks end over 3 mm from their targets, and most of it was there before
       curve:       one curve ends over 5 mm from its target, and five times as far as the median one
       rows:        the map folded, and was repaired at more than 0.5 % of the vertices

@@ -348,9 +348,17 @@ def reasons(moving, rows, fit):
         )
 
 
-def disagreeing(features, f, fitted):
+def disagreeing(features, f, fitted, walls=()):
     """`features:` where the `Features` of both sides are of opposite sign after a Möbius map f
-    (V,), or hardly agree there nor after the fitted map (V,)."""
+    (V,), or hardly agree there nor after the fitted map (V,). walls: of `differing_walls`, the
+    likely cause."""
+    sign = "negate one side (FreeSurfer's curv is the negative of ours, its sulc is not)"
+    advice = (
+        "check that both show the same thing, smooth a noisy surface first, give a landmark curve "
+        "or two, or negate one side"
+    )
+    if walls:
+        sign = advice = "probably because of the different walls; cut both by one rule first"
     r = dict(zip(features.names, features.correlation(f, SCALE)))
     after = dict(zip(features.names, features.correlation(fitted, SCALE)))
     against = [name for name, value in r.items() if value < -LEAST_R]
@@ -358,16 +366,14 @@ def disagreeing(features, f, fitted):
     if against:
         yield (
             f"features: {listed(against)} of the two sides {'are' if len(against) > 1 else 'is'} "
-            f"of opposite sign (r = {min(r.values()):.2f}); negate one side (FreeSurfer's curv is "
-            "the negative of ours, its sulc is not)"
+            f"of opposite sign (r = {min(r.values()):.2f}); {sign}"
         )
     if hardly:
         least = min(abs(r[name]) for name in hardly)
         yield (
             f"features: {listed(hardly)} of the two sides hardly "
             f"{'agree' if len(hardly) > 1 else 'agrees'} (r = {least:.2f} at {SCALE:g} mm after "
-            "the best Möbius map); check that both show the same thing, smooth a noisy surface "
-            "first, give a landmark curve or two, or negate one side"
+            f"the best Möbius map); {advice}"
         )
 
 

@@ -44,6 +44,7 @@ def report_of(pair, weights, fit, points, wrong, stopped):
         means |= {key: float(np.mean(values))} if values else {}
 
     # Features: their correlation r.
+    walls = [*differing_walls(moving, pair.control.surface)]
     r, disagreements = {}, []
     if features:
         rs = (features.correlation(f).tolist() for f in (before, fit.f))
@@ -53,7 +54,7 @@ def report_of(pair, weights, fit, points, wrong, stopped):
         few = len(pair.curves) < FEWEST
         aligned = align_by_folds(pair).moving.disk.z if pair.curves and few else before
         nearer = astray(pair, fit.f) if few else ()
-        disagreements = [*disagreeing(features, aligned, fit.f)] or [*nearer]
+        disagreements = [*disagreeing(features, aligned, fit.f, walls)] or [*nearer]
 
     # The surface: how much of it is stretched.
     shares = moving.face_areas / moving.area
@@ -65,10 +66,11 @@ def report_of(pair, weights, fit, points, wrong, stopped):
     # What looks wrong, and what was done besides.
     held_out = held_out_distances(pair, pair.held_lines, before, fit.f)
     repaired = [f"{side}: {word}" for side in SIDES for word in getattr(pair, side).messages]
-    messages = [*differing_walls(moving, pair.control.surface), *repaired, *pair.messages]
+    messages = [*walls, *repaired, *pair.messages]
     suspect = [*wrong, *other_units(moving=moving, control=pair.control.surface)]
     if not stopped:
-        suspect += [*reasons(moving, rows, fit), *disagreements, *worse(held_out)]
+        doubts = [*reasons(moving, rows, fit), *disagreements, *worse(held_out)]
+        suspect += [*walls, *doubts] if doubts else []  # the likely cause of all of them first
     return {
         **means,
         **coefficient_statistics(fit.mu),

@@ -78,6 +78,17 @@ def test_features_that_do_not_agree_make_it_suspect(features, words):
     assert any(re.match(words, reason) for reason in report["suspect"]), report["suspect"]
 
 
+@pytest.mark.parametrize("there, doubted", [(-FOLDS[0], True), (FOLDS[1], True), (FOLDS[0], False)])
+def test_walls_that_differ_come_first_where_a_map_is_suspect(monkeypatch, there, doubted):
+    """And are what features that do not agree are put down to, in place of a sign."""
+    monkeypatch.setattr("qclearn.registration.report.differing_walls", lambda *_: ["walls: differ"])
+    report = register(MOVING, CONTROL, entries(0), gamma=1e2, features=[Feature("sulc", FOLDS[0], there)]).report
+    assert report["fallbacks"][0] == "walls: differ"
+    told = [word for word in report["suspect"] if not word.startswith("distortion:")]
+    assert told[:1] == ["walls: differ"] * doubted and len(told) == 2 * doubted
+    assert "negate" not in str(told) and str(told).count("cut both by one rule") == doubted
+
+
 def test_delta_is_lowered_before_gamma(monkeypatch):
     tried = []
 
