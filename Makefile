@@ -51,8 +51,7 @@ test-unit: $(INSTALLED)
 
 # Tests of tests/book read pages that a build has executed.
 test-site: $(INSTALLED)
-	$(BIN)/python -m book.builder.build_book --jobs $(JOBS)
-	$(BIN)/python -m book.builder.lab_copies --jobs $(JOBS)
+	$(BIN)/python -m book.builder.build_book --jobs $(JOBS) --lab
 	$(PYTEST) -n $(JOBS) --dist loadgroup -rs -m "not slow" tests/book tests/site
 
 # What measures again, and axe-core on every page, wide and narrow, by day and in the dark: weekly, and before a release.

@@ -51,6 +51,7 @@ def main():
     words = "execute these, whether they changed or not, and no others, as in: --pages lbs,fourier"
     parser.add_argument("--pages", default="", help=words)
     parser.add_argument("--no-site", action="store_true", help="execute the pages and leave the site as it is")
+    parser.add_argument("--lab", action="store_true", help="also write the copies for JupyterLab, build/lab")
     arguments = parser.parse_args()
     pages = [name.strip().removesuffix(".ipynb") for name in arguments.pages.split(",") if name.strip()]
     if pages:
@@ -65,6 +66,10 @@ def main():
         pages = build_notebooks()
         decks.write(pages, SITE / "html" / "decks", "../_static")
         offer(pages)
+        if arguments.lab:
+            from .lab_copies import write_lab  # as a program of its own it asks this one for the pages
+
+            write_lab(pages)
 
 
 if __name__ == "__main__":

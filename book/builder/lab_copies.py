@@ -16,7 +16,7 @@ import nbformat
 from nbformat.sign import NotebookNotary
 
 from .build_book import build_notebooks
-from .execute_pages import BUILD, ROOT, SOURCE, execute_outdated, notebooks
+from .execute_pages import BUILD, SOURCE, execute_outdated, notebooks
 from .notebooks import for_any_viewer
 from .references import BOOK
 
@@ -59,11 +59,26 @@ def write_copies(folder, pages):
         nbformat.write(notebook, path)
         record[page] = new
         file.write_text(json.dumps(record, indent=1), encoding="utf-8")
+    print(f"lab_copies: {len(pages)} pages are in {folder}")
     shutil.copy(BOOK / "paper.toml", folder)
     not_shown = shutil.ignore_patterns("vendor", "live", "*.js", "*.css")
     built = SOURCE / "_assets"  # has the thumbnails, too
     assets = built if built.is_dir() else BOOK / "_assets"
     shutil.copytree(assets, folder / "_assets", dirs_exist_ok=True, ignore=not_shown)
+
+
+def write_lab(pages):
+    """The copies for JupyterLab of page -> notebook, which are changed in place."""
+    for notebook in pages.values():
+        notebook.cells[0].source = NUMBERED + notebook.cells[0].source
+    write_signed(LAB, pages)
+
+
+def write_signed(folder, pages):
+    """Copies that this machine made: JupyterLab may show their 3-D scenes."""
+    write_copies(folder, pages)
+    for notebook in pages.values():
+        NotebookNotary().sign(notebook)
 
 
 def main():
@@ -72,16 +87,11 @@ def main():
     parser.add_argument("--jobs", type=int, default=2, help="notebooks executed side by side")
     arguments = parser.parse_args()
     execute_outdated(notebooks(), arguments.jobs)
-    pages, folder = build_notebooks(), PLAIN if arguments.plain else LAB
+    pages = build_notebooks()
     if arguments.plain:
-        pages = {page: for_any_viewer(notebook) for page, notebook in pages.items()}
+        write_signed(PLAIN, {page: for_any_viewer(notebook) for page, notebook in pages.items()})
     else:
-        for notebook in pages.values():
-            notebook.cells[0].source = NUMBERED + notebook.cells[0].source
-    write_copies(folder, pages)
-    for notebook in pages.values():
-        NotebookNotary().sign(notebook)  # the reader's own machine made it: JupyterLab may show its 3-D scenes
-    print(f"lab_copies: {len(pages)} pages are in {folder.relative_to(ROOT)}")
+        write_lab(pages)
 
 
 if __name__ == "__main__":

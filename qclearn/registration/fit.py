@@ -144,9 +144,9 @@ def fit_registration(
     """The disk map of a `Problem` that takes landmarks and `Features` to theirs, with `Weights`
     (delta > 0): LandmarkFit.
 
-    Gauss-Newton from coarse features on a coarse mesh to fine ones on the problem's own; `r` of the
-    result has the features' correlations. start: mu (F,) on the faces to begin from. A problem
-    without landmarks begins at the identity: align its disk by features first.
+    Gauss-Newton from coarse features on a coarse mesh to fine ones on the problem's own. start: mu
+    (F,) on the faces to begin from. A problem without landmarks begins at the identity: align its
+    disk by features first.
     """
     if not weights.delta > 0:
         raise LandmarkError(
