@@ -11,6 +11,9 @@ from numpy import ndarray
 LEAST, FIRST, MOST = 1e-9, 1e-3, 1e6  # damping of a Gauss-Newton step, relative
 ROUNDING = 1e-14  # of a sum of squares
 STILL = 1e-15  # a step too short to matter
+# Maps that bring points alike near to their targets: relative, of a sum of squares; of a point; how
+# much less of them moves 0.
+ALIKE, AT_ONCE, NEARER = 1e-9, 1e-12, 1e-6
 
 
 def mobius(
@@ -89,7 +92,8 @@ def nearest_mobius(p, q, turns=4, rounds=30):
     once: ((a, theta), |M(p) - q|), of shapes (B,) and (B, M).
 
     By `descend`, from the best rotation and from others, `turns` in all at equal angles; the map
-    that ends nearest is returned.
+    that ends nearest is returned, and where many end alike near, as with two points on the rim, of
+    those the first that moves 0 the least: rounding does not choose.
     """
     count = len(p)
     rotations = np.angle((p.conj() * q).sum(1)) + 2 * np.pi * np.arange(turns)[:, None] / turns
@@ -102,7 +106,9 @@ def nearest_mobius(p, q, turns=4, rounds=30):
     start = np.zeros(len(p), complex), rotations.ravel()
     parameters, off = descend(look, start, rounds)
     cost = (abs(off) ** 2).sum(1).reshape(turns, count)
-    best = cost.argmin(0) * count + np.arange(count)
+    alike = cost <= cost.min(0) * (1 + ALIKE) + p.shape[1] * AT_ONCE**2
+    moved = np.where(alike, abs(parameters[0]).reshape(turns, count), np.inf)
+    best = (moved <= moved.min(0) + NEARER).argmax(0) * count + np.arange(count)
     return tuple(part[best] for part in parameters), abs(off[best])
 
 

@@ -32,7 +32,7 @@ from ..plane.mobius import best_mobius, mobius
 from ..plane.solver import DiskSolver
 from .features import Features
 from .levels import MultiresolutionFit, feature_levels, landmark_levels, rings_for, run_level
-from .problem import DELTA, LandmarkError, Problem, Weights
+from .problem import DELTA, NOTHING, LandmarkError, Problem, Weights
 from .start import from_two_starts
 
 FEWEST_RINGS = 4  # of the polar mesh; half of them on the coarse one
@@ -211,7 +211,7 @@ def better(objective, state, steps, level=None):
 
 def is_above(sizes, least):
     """Whether a map's sizes lie above those of the best Möbius map, beyond rounding, in any."""
-    return not all(size <= (1 + ROUNDING) * best for size, best in zip(sizes, least))
+    return not all(size <= (1 + ROUNDING) * best + NOTHING for size, best in zip(sizes, least))
 
 
 def report_fit(objective, state, steps):

@@ -17,7 +17,7 @@ from ..plane.linear import LARGE
 from ..plane.solver import CoefficientMesh, on_itself
 from .features import FINEST, Smoothing
 from .gauss_newton import MIN_DECREASE, GaussNewtonObjective
-from .problem import LandmarkError
+from .problem import NOTHING, LandmarkError
 from .residuals import AreaTerm, FeatureTerm, Places
 
 # Share of the objective that a step on the mesh of nu has to promise, as MIN_DECREASE on the
@@ -234,8 +234,8 @@ class MultiresolutionFit:
 def run_level(objective, state, level, enough=0.0):
     """(state, steps) after the steps of one level.
 
-    They end where one promises or gains too little, where the work is spent, or where the landmark
-    error falls below `enough` (not on a rising level).
+    They end where one promises or gains too little, where the work is spent, where nothing is
+    left to gain, or where the landmark error falls below `enough` (not on a rising level).
     """
     gamma = objective.weights.gamma
     low = min(FIRST_GAMMA, gamma) if level.rising and not state.nu.any() else gamma
@@ -243,7 +243,7 @@ def run_level(objective, state, level, enough=0.0):
     least = MIN_DECREASE_ON_GRID if level.mesh == "nu" else MIN_DECREASE
     values = [np.inf, objective.value(state, gamma)]
     for steps, step_gamma in enumerate(gammas):
-        if objective.spent:
+        if objective.spent or values[-1] <= NOTHING:
             return state, steps
         after = None
         if not enough > 0 or level.rising or not objective.error(state) < enough:

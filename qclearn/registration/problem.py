@@ -15,6 +15,7 @@ ETA = 3.5
 # Default weight of features without areas; in a group, too, as its mean is no surface.
 DELTA_BY_DISKS = 1.0
 MEETING = 1e-9  # in the unit disk: landmarks closer than this are one point
+NOTHING = MEETING**2  # an objective, or squared distances, that only rounding tells apart
 
 
 class LandmarkError(ValueError):

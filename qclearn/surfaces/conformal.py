@@ -131,12 +131,6 @@ class ParameterizedSurface:
     fingers: object = ()
 
     @cached_property
-    def is_embedded(self) -> bool:
-        """Whether the boundary runs around the circle once and no face is flipped."""
-        rim = self.disk.z[self.surface.boundary]
-        return bool(np.angle(np.roll(rim, -1) / rim).min() > 0 and not len(self.disk.maybe_flipped))
-
-    @cached_property
     def vertex_shares(self):
         """The vertices' shares of the surface's area (V,), 0 at fingers."""
         areas = self.surface.vertex_areas.copy()

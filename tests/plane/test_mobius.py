@@ -54,6 +54,18 @@ def test_best_map_is_stationary_and_beats_its_neighbours():
         assert cost(a + change[0], theta + change[1]) > best
 
 
+@pytest.mark.parametrize("apart", [0.3, 1.5, 3.0])
+def test_of_maps_that_fit_alike_rounding_does_not_choose(apart):
+    """Two points on the rim go to any two others exactly, by maps that lie on a line; the one that moves 0 the
+    least has 1 - |a| = 2 / (1 + s), s the ratio of the tangents of a quarter of the arcs."""
+    for seed in range(4):
+        jitter = np.exp(1e-15j * np.random.default_rng(seed).normal(size=4))
+        sides = jitter[:2] * np.exp([0, 0.15j]), jitter[2:] * np.exp([2j, 2j + 1j * apart])
+        for p, q in (sides, sides[::-1]):
+            expected = 2 / (1 + np.tan(apart / 4) / np.tan(0.15 / 4))
+            assert 1 - abs(best_mobius(p, q)[0]) == pytest.approx(expected, rel=1e-5)
+
+
 TWO_ENDS = np.concatenate([0.02 * POINTS, mobius_inverse(0.02 * POINTS, -0.9999)])
 
 

@@ -65,9 +65,10 @@ def test_weights_that_cannot_be_are_refused_before_any_work(name, value):
 
 CURVE = {"name": "a", "moving": [0, 5], "control": [1, 2, 3]}
 MET = {side: [entries(0)[0], entries(0)[1] | {side: spoke(0)[::-1]}] for side in ("moving", "control")}
-# Both ends of a curve side by side on one rim, and far apart on the other.
+# Both ends of a curve side by side on one rim, and far apart on the other: well beyond the limit, as
+# no processor may decide otherwise.
 RIM = spoke(0, first=13, last=14)[0]
-EDGE = {"name": "edge", "moving": [RIM, RIM + 1], "control": [RIM, RIM + 30], "detect": False}
+EDGE = {"name": "edge", "moving": [RIM, RIM + 1], "control": [RIM, RIM + 21], "detect": False}
 ENDS = [{"moving": [RIM + k, RIM + k + 20], "control": [RIM + k, RIM + k + 1]} for k in (0, 1)]
 EDGES = [EDGE | {"name": f"{k}", **ends} for k, ends in enumerate(ENDS)]
 CURVES = [
@@ -91,8 +92,11 @@ CURVES = [
     (r"curve 'a', control side: .*out of range 0..588: \[999999\]", [CURVE | {"control": [0, 999_999]}]),
     (r"curve 'a', control side: .*out of range", [CURVE | {"control": [0, -1]}]),
     *[(f"'spoke 0' and 'spoke 1' share a point on the {side} side only.*let them", MET[side]) for side in MET],
-    ("curve 'edge' pulls the moving disk onto its rim: .* check this curve's ends", [EDGE]),
-    ("curve '[01]' pulls the moving disk onto its rim", EDGES),
+    *[
+        ("curve 'edge' pulls the moving disk onto its rim: .* check this curve's ends", [edge])
+        for edge in (EDGE, EDGE | {"moving": EDGE["control"], "control": EDGE["moving"]})
+    ],
+    ("curve '0' pulls the moving disk onto its rim", EDGES),
 ]
 
 

@@ -7,13 +7,7 @@ from known_surfaces import sheet
 from meshes import bowl
 from qclearn.plane.disk import Disk
 from qclearn.plane.mobius import mobius
-from qclearn.surfaces.conformal import (
-    ParameterizedSurface,
-    apply_mobius,
-    disk_conformal_map,
-    parameterize,
-    repair_folds,
-)
+from qclearn.surfaces.conformal import apply_mobius, disk_conformal_map, parameterize, repair_folds
 from qclearn.surfaces.surface import Surface
 
 MOVE = (0.3 - 0.2j, 0.7)
@@ -26,33 +20,23 @@ def side():
 
 def test_a_surface_is_laid_out_in_its_conformal_map_and_says_what_was_repaired(side, recwarn):
     np.testing.assert_array_equal(side.disk.z, disk_conformal_map(side.surface))
-    assert side.is_embedded and side.messages == ()
+    assert side.disk.certificate.bijective and side.messages == ()
     np.testing.assert_array_equal(side.disk.loop, side.surface.boundary)
     surface, x, y = sheet(12)
     vertices = surface.vertices.copy()
     vertices[np.hypot(x - 0.5, y - 0.5) < 0.2, 1] *= 1e-4  # slivers
     found = parameterize(Surface(vertices, surface.faces))
-    assert len(found.messages) == 1 and "rows switched" in found.messages[0] and found.is_embedded
+    assert len(found.messages) == 1 and "rows switched" in found.messages[0] and found.disk.certificate.bijective
     assert not [one for one in recwarn if "rows switched" in str(one.message)]
 
 
 def test_moving_gives_another_side_and_leaves_the_first(side):
     before = side.disk.z.copy()
     there = apply_mobius(side, MOVE)
-    assert there is not side and there.surface is side.surface and there.is_embedded
+    assert there is not side and there.surface is side.surface and there.disk.certificate.bijective
     np.testing.assert_array_equal(side.disk.z, before)
     np.testing.assert_allclose(there.disk.z, mobius(before, *MOVE), atol=1e-15)
     np.testing.assert_allclose(abs(there.disk.z[there.disk.loop]), 1, rtol=1e-15)
-
-
-def test_a_side_is_whole_until_a_face_flips_or_the_boundary_runs_backwards(side):
-    inner, z = side.disk.faces[0, 0], side.disk.z
-    flipped = ParameterizedSurface(side.surface, side.disk.at(np.where(np.arange(len(z)) == inner, 0.9, z)))
-    assert not flipped.is_embedded
-    first, second = side.disk.loop[:2]
-    swapped = z.copy()
-    swapped[[first, second]] = z[[second, first]]
-    assert not ParameterizedSurface(side.surface, side.disk.at(swapped)).is_embedded
 
 
 def test_folds_that_a_move_leaves_are_mended(side):
