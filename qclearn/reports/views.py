@@ -23,6 +23,8 @@ SMOOTHING = 24.0  # mm on a surface with the area of a HEMISPHERE: removes folds
 MOST_VERTICES = 16_000  # drawn: a page of 2 MB holds them and six maps
 TONES = 64  # of a colour scale
 PIXELS = 520  # width of a picture
+HIGH = 0.74  # its height over its width
+MARGIN = 1.02  # half a picture over half of what it shows
 EDGE_LIGHT = 0.55  # brightness where the surface is seen edge on
 INNER_SIDE = np.array([0.55, 0.52, 0.49])  # colour of the surface's inner side
 
@@ -55,16 +57,24 @@ class InflatedView:
     """An inflated surface with at most about MOST_VERTICES vertices, and the direction of view.
 
     indices: (K,), of the drawn vertices in the surface; axes: (3, 3), right, up and towards the
-    reader, who looks from the side away from the opening.
+    reader, who looks along an axis in which the surface is thin, from the side away from the
+    opening: at a hemisphere's lateral side. half: (2,), the largest part to the right and upwards.
     """
 
     def __init__(self, surface):
         self.indices, self.vertices, self.faces = decimated(inflated(surface), surface.faces)
-        away = surface.vertices.mean(0) - surface.vertices[surface.boundary].mean(0)
-        axis = int(abs(away).argmax())
+        # The faces' areas as vectors add up to the opening's. By the mean of its rim alone a
+        # cortex would be seen from above: that lies lower than the brain's middle.
+        a, b, c = (surface.vertices[corner] for corner in surface.faces.T)
+        away = np.cross(b - a, c - a).sum(0)
+        extent = np.ptp(surface.vertices, axis=0)
+        axis = int(abs(away / extent).argmax())
         eye = np.eye(3)[axis] * np.sign(away[axis])
-        up = np.eye(3)[1 if axis == 2 else 2]
+        # Scanners have z upwards, and x across a hemisphere. On other axes the shorter one is up.
+        others = [k for k in (2, 1, 0) if k != axis]
+        up = np.eye(3)[2 if axis == 0 else min(others, key=lambda k: extent[k])]
         self.axes = np.stack([np.cross(up, eye), up, eye])
+        self.half = abs(self.vertices @ self.axes[:2].T).max(0)
 
     @cached_property
     def normals(self):
@@ -99,10 +109,11 @@ class InflatedView:
         nearest_last = np.argsort(depth[faces].mean(1))
         mesh = TriMesh(Triangulation(x, y, faces[nearest_last]))
         mesh.set_facecolor(np.column_stack([colours, np.ones(len(colours))]))
-        figure = Figure(figsize=(PIXELS / 100, 0.74 * PIXELS / 100), dpi=100)
+        figure = Figure(figsize=(PIXELS / 100, HIGH * PIXELS / 100), dpi=100)
         ax = figure.add_axes((0, 0, 1, 1))
         ax.add_collection(mesh)
-        ax.set(aspect="equal", xlim=(-1.02, 1.02), ylim=(-0.75, 0.75))
+        half = MARGIN * max(self.half[0], self.half[1] / HIGH)
+        ax.set(aspect="equal", xlim=(-half, half), ylim=(-HIGH * half, HIGH * half))
         ax.axis("off")
         file = io.BytesIO()
         figure.savefig(file, format="webp", transparent=True, pil_kwargs={"quality": 82})
@@ -114,6 +125,7 @@ class InflatedView:
             "places": base64_text(np.round(32767 * self.vertices).astype("<i2")),
             "faces": base64_text(self.faces.astype("<u2")),
             "view": self.axes.tolist(),
+            "half": (MARGIN * self.half).tolist(),
             "maps": [
                 {
                     "label": scale.label,

@@ -88,7 +88,7 @@
     const [a, b, c, d] = [Math.cos(state.turn), Math.sin(state.turn), Math.cos(state.tilt), Math.sin(state.tilt)],
       rows = [[a, 0, b], [d * b, c, -d * a], [-c * b, d, c * a]],
       [wide, high] = [canvas.clientWidth, canvas.clientHeight].map((n) => Math.round(n * devicePixelRatio)),
-      scale = Math.min(wide / 2.04, high / 1.5) * state.zoom;
+      scale = Math.min(wide / data.half[0], high / data.half[1]) / 2 * state.zoom;
     if (canvas.width !== wide || canvas.height !== high) Object.assign(canvas, { width: wide, height: high });
     gl.viewport(0, 0, wide, high);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
