@@ -15,11 +15,24 @@ _VOLUME = "a volume: mri_vol2surf or wb_command -volume-to-surface-mapping"
 NIFTI = f"{_CIFTI}; {_OVERLAY}; {_VOLUME}"
 _AFNI = "AFNI's format; convert it: ConvertDset -o_gii -input IN -prefix OUT"
 _BRAINVISA = "BrainVISA's format; convert it: AimsFileConvert -i IN -o OUT.gii"
-_BY_SUFFIX = {
+_TABLE = "a table; save the column of a map: numpy.savetxt('OUT.txt', pandas.{}['NAME'])"
+_ARRAYS = "save a map by numpy.save('OUT.npy', {}); a surface is qclearn.Surface(vertices, faces)"
+BY_SUFFIX = {
     ".asc": "FreeSurfer's text; convert a surface: mris_convert IN OUT.surf.gii; of a map, save the "
     "last column as .txt",
     **dict.fromkeys((".dset", ".1d", ".niml"), _AFNI),
     **dict.fromkeys((".mesh", ".tri", ".tex"), _BRAINVISA),
+    ".srf": "BrainVoyager's surface; bvbabel.srf.read_srf(path) gives its vertices and faces",
+    ".smp": "BrainVoyager's maps; bvbabel.smp.read_smp(path) gives them: numpy.save('OUT.npy', map)",
+    ".dfs": "BrainSuite's; s = dfsio.readdfs(path), then qclearn.Surface(s.vertices, s.faces)",
+    ".csv": _TABLE.format("read_csv(IN)"),
+    ".tsv": _TABLE.format("read_table(IN)"),
+    ".xlsx": _TABLE.format("read_excel(IN)"),
+    ".mat": _ARRAYS.format("scipy.io.loadmat(IN)['NAME']") + ", faces from 0 on",
+    **dict.fromkeys((".h5", ".hdf5"), _ARRAYS.format("h5py.File(IN)['NAME'][:]")),
+    **dict.fromkeys(
+        (".mnc", ".nrrd", ".img", ".hdr"), f"voxels; mri_convert IN OUT.nii.gz: {_VOLUME}"
+    ),
 }
 # What FreeSurfer's binary files hold.
 SURFACE = "is a FreeSurfer surface, not values at its vertices; give a map such as lh.thickness"
@@ -43,13 +56,17 @@ def freesurfer_kind(data):
 
 
 def refuse_foreign(path):
-    """SurfaceError for a NIfTI, by its header, and for a suffix of another program."""
+    """SurfaceError for a NIfTI, by its header, and for a suffix of another program, unless it is
+    FreeSurfer's by its content."""
     name = path.name.lower()
     suffix = ".nii" if name.endswith(".nii.gz") else path.suffix.lower()
-    known = suffix == ".nii" or (suffix in _BY_SUFFIX and not name.endswith(".gii.dset"))
-    if not known or not path.is_file():
+    known = suffix == ".nii" or (suffix in BY_SUFFIX and not name.endswith(".gii.dset"))
+    start = b""
+    with contextlib.suppress(OSError), path.open("rb") as file:
+        start = file.read(16)
+    if not (known and start) or freesurfer_kind(start):
         return
-    reason = _BY_SUFFIX.get(suffix, NIFTI)
+    reason = BY_SUFFIX.get(suffix, NIFTI)
     if suffix == ".nii":
         with contextlib.suppress(Exception):  # of a damaged one all three are named
             image = nibabel.load(path)

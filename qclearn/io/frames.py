@@ -2,6 +2,7 @@
 
 import json
 import re
+import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from nibabel.gifti import GiftiCoordSystem
 from nibabel.nifti1 import xform_codes
 
 from ..surfaces.surface import SurfaceError
-from .safe import FormatError, printable
+from .safe import FormatError, LeftOutWarning, printable
 
 # What a GIFTI says a surface is: its GeometricType, or, of an anatomical one, its
 # AnatomicalStructureSecondary.
@@ -28,6 +29,10 @@ _NAMED = {
 _SIDE = re.compile(r"(?:^|[._-])(?:hemi-)?(L|R|(?i:lh|rh|left|right))(?=[._-]|$)")
 # FreeSurfer's own coordinates: around the middle of its volume, at `cras` in the scanner.
 TKR = "tkr"
+# What a header says of its axes: SPACE=LPS (3D Slicer), space: left-posterior-superior (NRRD).
+_SAID = re.compile(
+    r"(?i)(?:space|system|orientation|frame)[\s=:\"']{1,4}(LPS|RAS|left-post\w*-sup|right-ant\w*-sup)"
+)
 _AXES = ("xras", "yras", "zras", "cras")
 _TKR_AXES = np.array([[-1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # of the voxels, in these coordinates
 
@@ -106,6 +111,18 @@ def sound_volume(volume):
     if rows.shape != (4, 3) or not np.isfinite(rows).all() or abs(np.linalg.det(rows[:3])) < 0.1:
         raise FormatError("its volume geometry makes no sense")
     return geometry
+
+
+def in_ras(path, vertices, header):
+    """Vertices (V, 3) in RAS: x and y negated, with a word, where a file's header says LPS."""
+    said = {found[0].upper() for found in _SAID.findall(header)}
+    if len(said) > 1:
+        raise SurfaceError("says that it is in LPS and in RAS; leave the right one in its header")
+    if said != {"L"}:
+        return vertices
+    message = "says that it is in LPS: x and y are negated, so that it is in RAS"
+    warnings.warn(f"{path}: {message}", LeftOutWarning, stacklevel=2)
+    return vertices * [-1.0, -1.0, 1.0]
 
 
 def side_of_name(path):

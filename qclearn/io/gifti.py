@@ -14,7 +14,7 @@ from nibabel.gifti import GiftiCoordSystem, GiftiImage, GiftiMetaData
 from nibabel.gifti.parse_gifti_fast import GiftiImageParser
 
 from ..surfaces.surface import SurfaceError
-from .frames import ANATOMICAL, SHAPES, TKR, Frame, agreed_side, kind_of_name, sound_volume
+from .frames import ANATOMICAL, SHAPES, TKR, Frame, agreed_side, in_ras, kind_of_name, sound_volume
 from .safe import FormatError, LeftOutWarning, sound_text
 
 STRUCTURES = {"left": "CortexLeft", "right": "CortexRight"}
@@ -52,6 +52,7 @@ class _Parser(GiftiImageParser):
     """nibabel's, with the coordinate systems of any writer: one that cannot be read has none."""
 
     def flush_chardata(self):
+        text = "".join(self._char_blocks or ())
         if self.write_to == "MatrixData" and self._char_blocks:  # 16 numbers in any lines
             self._char_blocks = [" ".join("".join(self._char_blocks).split())]
         try:
@@ -60,6 +61,7 @@ class _Parser(GiftiImageParser):
             if self.write_to not in ("DataSpace", "TransformedSpace", "MatrixData"):
                 raise
             self.coordsys.dataspace = None
+            self.img.meta["UnknownSpace"] = text
 
 
 def parse(data):
@@ -82,20 +84,30 @@ def side_of_image(image):
     return sides[0] if sides else None
 
 
-def surface_arrays(image):
-    """Points and triangles of a surface's image."""
+def surface_arrays(path, image):
+    """Points, in RAS, and triangles of a surface's image."""
     points = image.get_arrays_from_intent("NIFTI_INTENT_POINTSET")
     triangles = image.get_arrays_from_intent("NIFTI_INTENT_TRIANGLE")
     if len(points) != 1 or len(triangles) != 1:
         advice = "give a .surf.gii with one point set and its triangles"
         raise SurfaceError(f"is GIFTI, but not one surface; {advice}")
-    vertices, table = points[0].data, points[0].meta.get(_TABLE)
+    meta = {**image.meta, **points[0].meta}
+    header = "\n".join(f"{name}={text}" for name, text in meta.items())
+    header += "\nspace=LPS" if turns(points[0].coordsys) else ""
+    vertices, table = in_ras(path, points[0].data, header), points[0].meta.get(_TABLE)
     if table is not None:  # the numbers of a disk's vertices in the whole surface
         runs = np.frombuffer(zlib.decompress(base64.b64decode(table)), "u1")
         if len(runs) != 4 * len(vertices):
             raise FormatError(f"{_TABLE} does not hold the numbers of {len(vertices)} vertices")
         table = runs.view("<i4").astype(np.int64).cumsum()
     return vertices, triangles[0].data, {}, table
+
+
+def turns(given):
+    """Whether a coordinate system's matrix turns x and y round into a known space: all are RAS."""
+    if not given or given.dataspace is None or not given.xformspace or np.size(given.xform) != 16:
+        return False
+    return np.array_equal(np.reshape(given.xform, (4, 4))[:3, :3], np.diag([-1, -1, 1]))
 
 
 def maps_of(image):
@@ -170,7 +182,9 @@ def frame_of_image(path, image):
     # A coordinate system counts with a known name and a 4 x 4 matrix.
     given, space = points[0].coordsys, None
     if given and given.dataspace is not None and np.size(given.xform) == 16:
-        space = GiftiCoordSystem(given.dataspace, given.xformspace, np.reshape(given.xform, (4, 4)))
+        turn = np.diag([-1, -1, 1, 1]) if turns(given) else np.eye(4)  # as `surface_arrays` does
+        xform = np.reshape(given.xform, (4, 4)) @ turn
+        space = GiftiCoordSystem(given.dataspace, given.xformspace, xform)
     elif given:
         fault = "its coordinate system has an unknown name or not 4 x 4 numbers, and is left out"
         warnings.warn(f"{path}: {fault}", LeftOutWarning, stacklevel=2)

@@ -152,9 +152,8 @@ def write_surface(
 
 # Of files that are no FreeSurfer surface or map, whatever they begin with (lh.map.csv).
 _FOREIGN_SUFFIXES = (
-    ".csv", ".tsv", ".json", ".xml", ".mat", ".nii", ".gz", ".zip", ".label", ".annot", ".mgh",
-    ".mgz", ".npy", ".npz", ".txt", ".gii", ".xlsx", ".h5", ".png", ".ply", ".obj", ".off", ".stl",
-    ".vtk", ".vtp", ".asc",
+    ".json", ".xml", ".nii", ".gz", ".zip", ".label", ".annot", ".mgh", ".mgz", ".npy", ".npz",
+    ".txt", ".gii", ".png", ".ply", ".obj", ".off", ".stl", ".vtk", ".vtp", *foreign.BY_SUFFIX,
 )  # fmt: skip
 
 
@@ -173,7 +172,8 @@ def suffix_of(path):
 def _unknown_format(suffix, content):
     if suffix in GONE:
         return gone(suffix)
-    return f"the suffix is none of {', '.join(_READERS)}, {content}; rename the file or convert it (mris_convert)"
+    advice = "rename the file or convert it (mris_convert, pyvista, trimesh)"
+    return f"the suffix is none of {', '.join(_READERS)}, {content}; {advice}"
 
 
 def _read_npz(_, data):
@@ -198,8 +198,9 @@ def _require_plain(curves):
 
 def _freesurfer_parts(data):
     """Vertices, faces and what follows them in FreeSurfer's triangles; FormatError unless as much
-    is there as the counts after the two lines of the header say."""
-    counts = data[3:].split(b"\n", 2)[2:]
+    is there as the counts say after the header, two lines or, of other programs, one (a count's
+    first byte is 0)."""
+    counts = re.split(rb"\n(?:[^\0\n][^\n]*)?\n|\n(?=\0)", data[3:], maxsplit=1)[1:]
     if not counts or len(counts[0]) < 8:
         raise safe.FormatError("the header is incomplete")
     n_vertices, n_faces = (int(count) for count in np.frombuffer(counts[0], ">i4", 2))
@@ -232,8 +233,8 @@ def _volume_of(footer):
 
 _READERS = {
     ".npz": ("npz file", _read_npz),
-    ".gii": ("GIFTI surface", lambda _, data: gifti.surface_arrays(gifti.parse(data))),
+    ".gii": ("GIFTI surface", lambda path, data: gifti.surface_arrays(path, gifti.parse(data))),
     ".ply": ("PLY file", meshformats.read_ply),
-    ".obj": ("OBJ file", lambda _, data: meshformats.read_obj(data)),
+    ".obj": ("OBJ file", meshformats.read_obj),
 }
 _WRITERS = {".ply": meshformats.write_ply, ".obj": meshformats.write_obj}

@@ -15,13 +15,14 @@ import plyfile
 
 from ..moved import gone
 from ..surfaces.surface import SurfaceError
-from .safe import FormatError, require_all
+from .frames import in_ras
+from .safe import FormatError, require_all, text_of
 
 # Lists of these lengths, which it checks, plyfile reads 100 times faster.
 _TRIANGLES = {"face": {"vertex_indices": 3, "vertex_index": 3}}
 
 
-def read_ply(_, data):
+def read_ply(path, data):
     """Vertices and faces of a PLY file, ASCII or binary; other properties are skipped."""
     header, end, body = data.partition(b"end_header")
     # comments may hold any letters, which plyfile refuses
@@ -47,7 +48,8 @@ def read_ply(_, data):
     if corners.dtype.kind == "f":
         raise FormatError("the corners of the PLY file's faces are no whole numbers")
     vertices = np.stack([vertex[axis] for axis in "xyz"], axis=1)
-    return vertices.astype(np.float64), corners.astype(np.int64).reshape(-1, 3)
+    vertices = in_ras(path, vertices.astype(np.float64), header.decode("latin-1"))
+    return vertices, corners.astype(np.int64).reshape(-1, 3)
 
 
 def write_ply(surface):
@@ -67,7 +69,7 @@ def write_ply(surface):
 _OBJ_COUNTS = "# qclearn: {} vertices, {} faces"
 
 
-def read_obj(data):
+def read_obj(path, data):
     """Vertices and faces of a Wavefront OBJ file.
 
     Texture and normal indices are skipped, negative indices count backwards.
@@ -75,20 +77,25 @@ def read_obj(data):
     if data[:1] == b"P":
         raise SurfaceError(gone("MNI's .obj"))
     vertices, faces = [], []
-    for line in data.splitlines():
-        keyword, *texts = line.split() or [b""]
-        if keyword == b"v":
+    whole = re.sub(rb"(?m)(^|[ \t])#.*$", b"", data)
+    whole = re.sub(rb"\\[ \t]*\r?\n", b" ", whole)  # a line goes on behind \
+    for keyword, *texts in filter(None, map(bytes.split, whole.splitlines())):
+        if keyword == b"v" and len(texts) > 2:
             vertices.append([float(text) for text in texts[:3]])
         elif keyword == b"f":
             corners = [int(text.partition(b"/")[0]) for text in texts]
             faces.append([k - 1 if k > 0 else k + len(vertices) for k in corners])
+        elif keyword == b"v" or not re.fullmatch(rb"[a-z][a-z_0-9]*", keyword):
+            # left out, it would shift the numbers of the vertices behind it
+            raise FormatError(f"no OBJ has a line {text_of(b' '.join([keyword, *texts]))[:40]!r}")
     counts = re.match(re.escape(_OBJ_COUNTS).replace(r"\{\}", r"(\d+)").encode(), data)
     if counts:
         require_all("vertex", len(vertices), int(counts[1]))
         require_all("face", len(faces), int(counts[2]))
     require_triangles([len(face) for face in faces])
     vertices = np.array(vertices, dtype=np.float64).reshape(-1, 3)
-    return vertices, np.array(faces, dtype=np.int64).reshape(-1, 3)
+    comments = "\n".join(re.findall("(?m)^#.*$", data.decode("latin-1")))
+    return in_ras(path, vertices, comments), np.array(faces, dtype=np.int64).reshape(-1, 3)
 
 
 def write_obj(surface):

@@ -1,6 +1,7 @@
 """Files read with one kind of error and written whole: what every reader and writer here goes
 through."""
 
+import codecs
 import gzip
 import io
 import os
@@ -35,11 +36,12 @@ class FormatError(ValueError):
 
 
 class LeftOutWarning(UserWarning):
-    """What a reader leaves out of a file that is sound otherwise."""
+    """What a reader leaves out of a file that is sound otherwise, or turns."""
 
 
 def read_bytes(path):
-    """All bytes of a file, unzipped if it is a .gz or .mgz; SurfaceError."""
+    """All bytes of a file, unzipped if it is a .gz or .mgz, a text with a byte order mark (Windows)
+    in UTF-8 without it; SurfaceError."""
     try:
         data = path.read_bytes()
         data = gzip.decompress(data) if path.suffix.lower() in (".gz", ".mgz") else data
@@ -49,7 +51,9 @@ def read_bytes(path):
         raise SurfaceError(f"{path}: cannot be read ({reason}); {advice}") from None
     if not data:
         raise SurfaceError(f"{path}: the file is empty; copy or export it again")
-    return data
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16", errors="replace").encode()
+    return data.removeprefix(codecs.BOM_UTF8)
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 import io
 import math
 import re
+from itertools import dropwhile
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,7 +16,7 @@ from ..surfaces.surface import Mesh, Surface, SurfaceError
 from . import annotations, foreign, gifti
 from .frames import agreed_side, side_of_name
 from .meshes import is_freesurfer_name, suffix_of
-from .safe import FormatError, explain, read_bytes, require_all, write_whole
+from .safe import FormatError, explain, printable, read_bytes, require_all, write_whole
 
 _MAP_SUFFIXES = (
     "", ".thickness", ".curv", ".avg_curv", ".sulc", ".area", ".volume", ".mid", ".pial", ".w-g",
@@ -27,7 +28,12 @@ _REFUSED = {
     ".nii": foreign.NIFTI,
     ".label": "a label lists vertices and gives no value to each: `qclearn open --mask` takes it",
     ".npz": "an npz holds several arrays: save one as .npy",
+    **dict.fromkeys((".vtk", ".vtp"), "numpy.save('OUT.npy', pyvista.read(IN).point_data['NAME'])"),
 }
+
+# FreeSurfer's type of an MGH's numbers -> NumPy's.
+_MGH_TYPES = {0: ">u1", 1: ">i4", 3: ">f4", 4: ">i2", 10: ">u2"}
+_NUMBER = re.compile(r"(?i)[-+]?(\d+\.?\d*|\.\d+)([ed][-+]?\d+)?|[-+]?(nan|inf(inity)?)")
 
 # One number a vertex, or k of them.
 Values = Real[ndarray, " V *k"] | Bool[ndarray, " V *k"]
@@ -104,11 +110,10 @@ def read_label(path):
     """The vertex numbers (n,) that a FreeSurfer .label file lists, in its order."""
     path = Path(path)
     with explain(path, "FreeSurfer label"):
-        rows = read_bytes(path).splitlines()
-        if len(rows) < 2:
-            raise FormatError("the two lines of the header are incomplete")
-        records = [row.split(None, 1) for row in rows[2:] if row.strip()]
-        require_all("vertex", len(records), int(rows[1]), exactly=True)
+        # Comments, of which there may be none, the count, and one row a vertex.
+        rows = filter(None, map(bytes.split, read_bytes(path).splitlines()))
+        count, *records = [*dropwhile(lambda row: len(row) > 1 or row[0] == b"#", rows)] or [[b""]]
+        require_all("vertex", len(records), int(count[0]), exactly=True)
         return np.array([int(record[0]) for record in records], dtype=np.int64)
 
 
@@ -262,11 +267,18 @@ def _read_morphometry(_, data):
 
 
 def _read_mgh(_, data):
-    voxels = np.asarray(nibabel.MGHImage.from_bytes(data).dataobj)
-    if min(voxels.shape[:3]) > 1:  # FreeSurfer folds a long map into (V / 6, 1, 6)
-        volume = " x ".join(map(str, voxels.shape[:3]))
+    """nibabel refuses an intent in the version's second byte, as FreeSurfer writes since 7.4."""
+    version, *shape, kind = np.frombuffer(data, ">i4", 6).tolist()
+    if version % 256 != 1 or min(shape) < 1:
+        raise FormatError(f"version {version}, shape {shape}")
+    if kind not in _MGH_TYPES:
+        advice = "convert them: mri_convert -odt float IN OUT"
+        raise SurfaceError(f"holds numbers of FreeSurfer's type {kind}, not read here; {advice}")
+    if min(shape[:3]) > 1:  # FreeSurfer folds a long map into (V / 6, 1, 6)
+        volume = " x ".join(map(str, shape[:3]))
         raise SurfaceError(f"holds a volume of {volume}, not a map on a surface; use mri_vol2surf")
-    return voxels.reshape(math.prod(voxels.shape[:3]), -1, order="F")
+    voxels = np.frombuffer(data, _MGH_TYPES[kind], math.prod(shape), offset=284)
+    return voxels.reshape(math.prod(shape[:3]), -1, order="F")
 
 
 def _read_npy(_, data):
@@ -277,9 +289,25 @@ def _read_npy(_, data):
 
 
 def _read_txt(_, data):
-    text = data.decode("utf-8-sig")  # Windows puts a byte order mark before it
-    whole = re.fullmatch(r"[\s\d+-]*", text)  # NumPy would also cut 0.5 to 0
-    return np.loadtxt(text.splitlines(), ndmin=1, dtype=np.int64 if whole else np.float64)
+    text = re.sub(r"(?m)(^|\s)#.*$", "", data.decode())  # 1.#QNAN of Windows holds no comment
+    lines = re.sub(r"\bNA\b", "nan", text).split("\n")  # NA: R's
+    lines = [line for line in lines if line.strip()]
+    # A line of names may stand above one column. What else looks like a table may mean anything.
+    above = lines and not any(map(_NUMBER.fullmatch, re.split(r"[\s,;]+", lines[0])))
+    table = re.search("[,;]", text) or (above and len(lines[-1].split()) > 1)
+    if not table:
+        lines = lines[1:] if above else lines
+        whole = re.fullmatch(r"[\s\d+-]*", " ".join(lines))  # NumPy would also cut 0.5 to 0
+        values = np.loadtxt(lines, np.int64 if whole else np.float64, comments=None, ndmin=1)
+        # The first of many columns may number the vertices, as in FreeSurfer's text.
+        table = values.ndim == 2 and len(values) > values.shape[1]
+        table = table and not np.ptp(np.sort(values[:, 0]) - np.arange(len(values)))
+    if table:
+        raise SurfaceError(
+            f"holds a table or commas ({printable(lines[0][:40])!r}); save the column of a map alone, "
+            "in the vertices' order: numpy.savetxt('OUT.txt', pandas.read_csv(IN)['NAME'])"
+        )
+    return values
 
 
 _READERS = {

@@ -207,7 +207,7 @@ def read_landmarks(path):
     except SurfaceError as error:
         raise LandmarkError(str(error)) from None
     try:
-        contents = json.loads(data.decode("utf-8-sig"))  # Windows puts a byte order mark before it
+        contents = json.loads(data)
     except (ValueError, RecursionError) as error:  # also of an integer of thousands of digits
         raise LandmarkError(f"{path}: not a JSON file ({error}); {FORMAT}") from None
     curves = contents.get("curves") if isinstance(contents, dict) else contents

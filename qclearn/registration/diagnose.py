@@ -68,6 +68,10 @@ MIRROR = (
     "give --mirror (library: qc.mirror), or leave it out if it was given: one side is a left, the "
     "other a right"
 )
+LPS = (
+    "one file seems to be in LPS, as 3D Slicer and ITK write, and the other in RAS: negate x and y of "
+    "the one in LPS"
+)
 
 
 @dataclass(frozen=True)
@@ -100,8 +104,13 @@ def diagnose_landmarks(pair):
     # Axes of space have a meaning on hemispheres.
     hemispheres = all(size_of(getattr(pair, side).surface).unit for side in SIDES)
     directions = pair.directions
-    if hemispheres and directions.mirrored_r > max(directions.r + LIMITS["hand"], LEAST_R):
-        return [f"mirror: the folds fit the mirrored moving surface much better; {MIRROR}"]
+    r, what, advice = max(
+        (directions.mirrored_r, "the mirrored moving surface", MIRROR),
+        (directions.lps_r, "x and y of the moving surface negated", LPS),
+        (directions.mirrored_lps_r, "y of the moving surface negated", f"{LPS}, and {MIRROR}"),
+    )
+    if hemispheres and r > max(directions.r + LIMITS["hand"], LEAST_R):
+        return [f"mirror: the folds fit {what} much better; {advice}"]
     if pair.curves:
         aligned = align_by_folds(pair)
         if rotation_contrast(aligned) > LIMITS["rotation_contrast"]:
@@ -390,7 +399,8 @@ def astray(pair, f):
         yield (
             f"features: the map takes the surface {degrees:.0f} degrees on average from its place "
             f"in space, and the features agree little (r = {r:.2f} at {SCALE:g} mm): the fit began "
-            "in a wrong place; give a landmark curve or two, or turn the surfaces alike in space"
+            "in a wrong place; give a landmark curve or two, or turn the surfaces alike in space "
+            "(3D Slicer's files are in LPS, with x and y negated)"
         )
 
 

@@ -182,7 +182,8 @@ class Directions(Features):
     """Features that lead from afar: the vertices' places on `crude_sphere`s, as smooth as they
     are, the moving ones after the rotation by which the features at SCALE agree best.
 
-    r: their mean correlation then; mirrored_r: if the moving side is mirrored.
+    r: their mean correlation then; mirrored_r, lps_r, mirrored_lps_r: if the moving side is
+    mirrored, has x and y negated, as in LPS, or both.
     """
 
     def __init__(self, features, moving, control):
@@ -193,7 +194,9 @@ class Directions(Features):
             for surface, side in zip((moving, control), features.smoothings)
         )
         search = RotationSearch(features, there)
-        self.mirrored_r, _ = search.best(here * [-1, 1, 1])
+        self.mirrored_r, self.lps_r, self.mirrored_lps_r = (
+            search.best(here * axes)[0] for axes in ([-1, 1, 1], [-1, -1, 1], [1, -1, 1])
+        )
         self.r, rotated = search.best(here)
         self.spheres = rotated, there
 

@@ -3,6 +3,7 @@ damaged file, and the recipes for formats that are not read."""
 
 import hashlib
 import re
+from contextlib import nullcontext
 from pathlib import Path
 
 import nibabel
@@ -15,7 +16,9 @@ from nilearn.surface import load_surf_mesh
 import qclearn as qc
 from freesurfer import GEOMETRY
 from known_surfaces import grid
+from qclearn.io.frames import Frame
 from qclearn.io.meshes import frame_of, read_surface, write_surface
+from qclearn.io.safe import LeftOutWarning
 from qclearn.io.values import read_mask, write_values
 from qclearn.surfaces.surface import Surface, SurfaceError
 
@@ -137,6 +140,10 @@ def test_freesurfer_is_known_by_its_content_and_may_hold_any_letters(tmp_path, p
     assert frame.volume["filename"] == path.partition("\0")[0] and frame.volume["cras"] == GEOMETRY["cras"]
     write_surface(tmp_path / "lh.again", TENT, frame=frame)
     assert frame_of(tmp_path / "lh.again").volume == frame.volume
+    for name, header in (("lh.one", b"\n"), ("lh.pial.img", b"\non Monday\n")):  # lines of other programs
+        (tmp_path / name).write_bytes(data.replace(b"\n\n", header, 1))
+        np.testing.assert_array_equal(read_surface(tmp_path / name).vertices, TENT.vertices.astype(np.float32))
+        assert frame_of(tmp_path / name).volume == frame.volume
     file.write_bytes(data[: data.index(b"zras")])
     refused(file, "volume geometry is incomplete", read=frame_of)
 
@@ -158,7 +165,9 @@ OBJ_POINTS = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]
     ("a.ply", (*PLY, *CORNERS, "6 3 2 0 1"), PLY_POINTS, [[2, 0, 1]]),
     ("a.ply", (*PLY, *TEXTURE, *EDGE, "6 2 0.5 0.25 3 2 0 1", "1"), PLY_POINTS, [[2, 0, 1]]),
     *[("a.obj", (*SQUARE, face, "f 2 4 3"), OBJ_POINTS, [[0, 1, 2], [1, 3, 2]])
-      for face in ("f 1/1/1 2/1/1 3/1/1", "f 1//1 2//1 3//1", "f -4 -3 -2")],
+      for face in ("f 1/1/1 2/1/1 3/1/1", "f 1//1 2//1 3//1", "f -4 -3 -2", "f 1 2 \\\n3", "f 1 2 3 # 1")],
+    ("a.obj", ("\ufeffv 0 0 0", *SQUARE[3:-1], "v 1 1 \\ ", " 0", "f 1 2 3", "f 2 4 3"), OBJ_POINTS,
+     [[0, 1, 2], [1, 3, 2]]),
 ])  # fmt: skip
 def test_text_of_other_programs_with_further_properties(tmp_path, name, lines, vertices, faces):
     surface = read_surface(store(tmp_path / name, *lines))
@@ -182,6 +191,7 @@ COUNTS = (b"\x7f\xff\xff\xff\0\0\0\4", b"\0\0\0\5\x7f\xff\xff\xff", b"\xff\xff\x
 @pytest.mark.parametrize("name, content, words", [
     *[("a.ply", lines, ("not a readable PLY file", words, "again")) for lines, words in PLY_REFUSED],
     ("a.obj", (*SQUARE, "f 1 2 3", "f 1 3 4 2"), ("face 1 has 4 corners", "triangulate")),
+    *[("a.obj", (line, *SQUARE, "f 1 2 3"), ("no OBJ has a line", line[1:])) for line in ("\u200bv 0 0 0", "v 1 2")],
     ("a.npz", SOUND | {"faces": [[0, 1, 2, 3]]}, ("(1, 4)", "triangles")),
     ("a.npz", {"vertices": TENT.vertices}, ("lacks the array faces",)),
     ("a.npz", SOUND | {"faces": np.array([{}, None])}, ("npz file",)),
@@ -198,6 +208,40 @@ def test_a_file_without_a_sound_surface_says_what_is_wrong(tmp_path, name, conte
     elif content is not None:
         (tmp_path / name).write_bytes(content if isinstance(content, bytes) else "\n".join(content).encode())
     refused(tmp_path / name, *words)
+
+
+TURN = np.diag([-1.0, -1, 1, 1]) + 5 * np.eye(4, k=3)
+PLAIN, SPACES = b"comment qclearn", b"<DataSpace>NIFTI_XFORM_%s</DataSpace>"
+
+
+@pytest.mark.parametrize("name, old, new, turned", [
+    ("a.obj", b"# qclearn", b"# 3D Slicer output. SPACE=LPS\n# qclearn", True),
+    ("a.obj", b"# qclearn", b"# 3D Slicer output. SPACE=RAS\n# once in LPS\n# qclearn", False),
+    ("a.ply", PLAIN, b"comment 3D Slicer output. SPACE=LPS", True),
+    ("a.ply", PLAIN, b"comment space: left-posterior-superior", True), ("a.ply", PLAIN, b"comment LPS", False),
+    ("a.gii", b"<MetaData />", b"<MetaData><MD><Name>SPACE</Name><Value>LPS</Value></MD></MetaData>", True),
+    ("a.gii", SPACES % b"SCANNER_ANAT", b"<DataSpace>LPS</DataSpace>", True),
+    ("a.gii", SPACES % b"SCANNER_ANAT", SPACES % b"UNKNOWN", True), ("a.gii", b"-1.0", b"1.0", False),
+])  # fmt: skip
+def test_a_file_that_says_it_is_in_lps_is_turned_with_a_word(tmp_path, name, old, new, turned):
+    """Also by a matrix that leads into the scanner's space; nothing is turned twice."""
+    path = tmp_path / name
+    matrix = TURN if old in (SPACES % b"SCANNER_ANAT", b"-1.0") else np.eye(4)
+    write_surface(path, TENT, frame=Frame(space=nibabel.gifti.GiftiCoordSystem(1, 1, matrix)))
+    assert old in path.read_bytes()
+    path.write_bytes(path.read_bytes().replace(old, new))
+    with (
+        pytest.warns(LeftOutWarning, match=f"{name}: says that it is in LPS: x and y are negated")
+        if turned
+        else nullcontext()
+    ):
+        back = read_surface(path)
+    np.testing.assert_allclose(back.vertices, TENT.vertices * ([-1, -1, 1] if turned else 1), rtol=1e-6)
+    if new == SPACES % b"UNKNOWN":
+        np.testing.assert_array_equal(frame_of(path).space.xform, np.eye(4) + 5 * np.eye(4, k=3))
+    if new.startswith(b"#"):
+        path.write_bytes(b"# SPACE=LPS, space=RAS\n" + path.read_bytes())
+        refused(path, "says that it is in LPS and in RAS")
 
 
 @pytest.mark.parametrize("name, words", [
@@ -305,6 +349,8 @@ def test_masks_from_a_label(tmp_path):
     path = label(tmp_path / "lh.Medial_wall.label", "2", 3, 1)
     assert read_mask(path, TENT).tolist() == [False, True, False, True, False]
     assert read_mask(path, TENT, keep=True).tolist() == [True, False, True, False, True]
+    for header in (["2"], ["# one", "#", "2"]):  # as FreeSurfer reads it, too
+        assert read_mask(store(path, *header, "3 0 0 0 0", "1 0 0 0 0"), TENT).sum() == 2
     assert not read_mask(label(path, "0"), TENT).any() and read_mask(label(path, "1", 2), TENT).sum() == 1
     path = label(tmp_path / "lh.cortex.label", "3", 0, 1, 2)
     refused(path, "would cut 3 of 5 vertices", "keep=True", "--keep", read=read_mask, surface=TENT)

@@ -1,5 +1,7 @@
 """Per-vertex files: what is written comes back, in each format; faults are named."""
 
+from contextlib import nullcontext
+
 import nibabel
 import numpy as np
 import pytest
@@ -47,6 +49,20 @@ def test_mgh_agrees_with_nibabel(tmp_path):
     nibabel.save(nibabel.MGHImage.from_image(voxels(4, 5, 6)), path)
     with pytest.raises(SurfaceError, match="lh.a.mgz: holds a volume of 4 x 5 x 6.*mri_vol2surf"):
         read_values(path)
+    for version, kind, dtype in (
+        (1, 0, "u1"),
+        (513, 1, ">i4"),
+        (513, 3, ">f4"),
+        (1, 4, ">i2"),
+        (1, 10, ">u2"),
+        (1, 9, "u4"),
+    ):
+        header = np.array([version, 42, 1, 1, 1, kind], ">i4").tobytes().ljust(284, b"\0")  # FreeSurfer 7.4's intent
+        (tmp_path / "t.mgh").write_bytes(header + np.arange(42).astype(dtype).tobytes())
+        with (
+            pytest.raises(SurfaceError, match="type 9, .*mri_convert -odt float IN OUT") if kind == 9 else nullcontext()
+        ):
+            np.testing.assert_array_equal(read_values(tmp_path / "t.mgh"), np.arange(42))
     write_values(tmp_path / "o.mgh", VALUES)
     theirs = nibabel.MGHImage.from_bytes((tmp_path / "o.mgh").read_bytes())
     np.testing.assert_allclose(np.squeeze(theirs.dataobj), VALUES, rtol=1e-6)
@@ -55,9 +71,10 @@ def test_mgh_agrees_with_nibabel(tmp_path):
 @pytest.mark.parametrize("name, words", [
     ("x.dscalar.nii", "wb_command -cifti-separate"), ("x.dlabel.nii", "wb_command -cifti-separate"),
     ("x.nii.gz", "mri_vol2surf"),
-    ("x.csv", "convert it|choose another name"), ("lh.x.csv", "convert it|choose another name"),
+    ("x.csv", "pandas.read_csv|choose another name"), ("lh.x.csv", "pandas.read_csv|choose another name"),
+    ("x.vtk", "pyvista.read"), ("x.parquet", "convert it|choose another name"),
     ("x.npz", "save one as .npy"),
-    ("x.annot", "vertex records|one label a vertex"), ("x.h5", "convert it|choose another name"),
+    ("x.annot", "vertex records|one label a vertex"), ("x.h5", "h5py.File|choose another name"),
 ])  # fmt: skip
 def test_formats_that_are_not_read_or_written_are_refused_by_name(tmp_path, name, words):
     with pytest.raises(SurfaceError, match=f"{name}: .*({words})"):
@@ -90,6 +107,10 @@ NO_MAP = ".nii files are not read here; "
     ("lh.pial", b"\xff\xff\xfd" + QUADS, "quadrangles.*: mris_convert IN OUT.surf.gii"),
     ("lh.midthickness.asc", b"#!ascii version of lh.midthickness\n", "FreeSurfer's text.*mris_convert"),
     ("lh.a.niml.dset", b"<AFNI_dataset>", "AFNI's .*ConvertDset -o_gii -input IN -prefix OUT"),
+    ("lh.srf", b"\0\0\x80@", "BrainVoyager's surface; bvbabel.srf"),
+    ("lh.smp", b"5", "BrainVoyager's maps; bvbabel.smp"), ("a.mnc", b"CDF", "mri_convert IN OUT.nii.gz"),
+    ("lh.dfs", b"DFS_LE", "BrainSuite's; s = dfsio.readdfs"), ("a.mat", b"MATLAB", "scipy.io.loadmat.*faces from 0 on"),
+    ("a.tsv", b"a", "pandas.read_table"), ("a.xlsx", b"PK", "pandas.read_excel"),
     ("subject_Lwhite.mesh", b"binarDCBA", "BrainVISA's .*AimsFileConvert -i IN -o OUT.gii"),
 ])  # fmt: skip
 def test_foreign_files_are_named_with_their_converter(tmp_path, name, content, words):
@@ -134,12 +155,26 @@ def test_numbers_that_do_not_fit_are_refused(tmp_path, name, values):
 
 @pytest.mark.parametrize("text, kind", [
     ("3\n-1\n", "i"), ("3\n0.5\n", "f"), ("3\n1e3\n", "f"), ("3\n+2\n", "i"), ("\ufeff3\r\n0\r\n", "i"), ("3 0", "i"),
+    ("3\r\n0\r\n".encode("utf-16"), "i"), ("3\nNA\n", "f"), ("thickness\n3\n0\n", "i"), ("# mm\n3\n\n0 # one\n", "i"),
 ])  # fmt: skip
 def test_a_text_of_whole_numbers_is_of_labels(tmp_path, text, kind):
-    """As is one of Windows, with a byte order mark."""
-    (tmp_path / "v.txt").write_bytes(text.encode())
+    """As is one of Windows, with a byte order mark; names of one column and comments are left out."""
+    (tmp_path / "v.txt").write_bytes(text if isinstance(text, bytes) else text.encode())
     found = read_values(tmp_path / "v.txt")
     assert found.dtype.kind == kind and len(found) == 2 and found[0] == 3
+
+
+@pytest.mark.parametrize("text, words", [
+    *[(text, "holds a table or commas .*save the column of a map alone.*pandas.read_csv") for text in (
+        "k mm\n0 1.5\n1 2\n2 2\n", "mm\n0,5\n1,5\n", "3;0\n4;1\n9;2", "".join(f"00{k} 0 {k / 2}\n" for k in range(7)),
+        "3 1.5\n2 1.5\n1 2\n", "\"mm\"\n\"1\" 2.5\n\"2\" 3.5\n",
+    )],
+    ("3\n-1.#QNAN\n", "not a readable text file .*could not convert"),
+])  # fmt: skip
+def test_tables_and_other_texts_are_told_for_what_they_are(tmp_path, text, words):
+    (tmp_path / "v.txt").write_text(text)
+    with pytest.raises(SurfaceError, match=f"v.txt: {words}"):
+        read_values(tmp_path / "v.txt")
 
 
 @pytest.mark.parametrize("array", [np.ones(3) * 1j, np.array(["a"]), np.array(3.0), np.zeros((2, 2, 2)), np.zeros(0)])

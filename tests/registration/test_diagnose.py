@@ -261,6 +261,16 @@ def test_the_folds_tell_the_hand_with_a_curve_and_without(folded_pair):
         assert reason.startswith("mirror: the folds fit") and "--mirror" in reason
 
 
+def test_the_folds_tell_lps_from_the_other_hand(folded_pair):
+    for pair, what in ((folded_pair, "x and y of"), (mirrored(folded_pair), "y of")):
+        surface = Surface(pair.moving.surface.vertices * [-1, -1, 1], pair.moving.surface.faces)
+        (reason,) = messages_of(replace(pair, moving=replace(pair.moving, surface=surface)), [])
+        assert reason.startswith(
+            f"mirror: the folds fit {what} the moving surface negated much better; one file seems to be in LPS"
+        )
+        assert ("--mirror" in reason) == (what == "y of")
+
+
 FIRST = SULCI[0] | {"moving": fsaverage5("right").original_vertices[SULCI[0]["moving"]].tolist()}
 TURNED = backwards(SULCI[0])
 FEW = [
