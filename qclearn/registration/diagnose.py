@@ -61,6 +61,9 @@ ASTRAY = 16.0
 # Above this mean correlation the map is right even if the files' axes disagree: 0.86 to 0.92 where
 # curves end near, 0.5 to 0.81 where they end far off.
 SURE_R = 0.85
+# Longest side of a triangle over its height: up to 321 in people's surfaces, 1.4e3 to 1e9 in needles
+# at which the map folds.
+NEEDLE = 1e3
 # Ratio of the two gaps' areas, each over its hemisphere's squared length: 1.0 to 1.3 between people
 # cut by one rule, 1.48 to 1.6 between FreeSurfer's cortex label and smaller cuts.
 WALLS = 1.4
@@ -340,12 +343,30 @@ def reasons(moving, rows, fit):
                 f"{median:.1f} mm; check its vertices, their order and its name, or leave it out"
             )
 
-    # The map had to be repaired at many vertices.
+    # The map had to be repaired at many vertices: needles, landmarks or features ask for folds.
     count = len(moving.vertices)
     if fit.switched > LIMITS["rows"] * count:
+        corners, causes = moving.vertices[moving.faces], []
+        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(1)
+        aspect = longest**2 / np.maximum(2 * moving.face_areas, np.finfo(float).tiny)
+        needles = np.argsort(-aspect)[: (aspect > NEEDLE).sum()]
+        if len(needles):
+            table = moving.original_vertices
+            first = moving.faces[needles[:3]] if table is None else table[moving.faces[needles[:3]]]
+            causes.append(
+                f"needle triangles of the moving surface ask for it ({len(needles)}, up to "
+                f"{aspect.max():.0e} times as long as high; the first have the vertices "
+                f"{first.tolist()}): merge their near ends, or mesh the surface anew"
+            )
+        if rows:
+            causes.append(
+                "the landmarks are probably wrong: check the order, the names and the ends of the "
+                "curves"
+            )
+        advice = "the features ask for folds: smooth a noisy surface first, or lower delta"
         yield (
-            f"rows: the map folded and was repaired at {fit.switched} of {count} vertices; the "
-            "landmarks are probably wrong: check the order, the names and the ends of the curves"
+            f"rows: the map folded and was repaired at {fit.switched} of {count} vertices; "
+            f"{'; or '.join(causes) or advice}"
         )
 
     # Much of the surface is stretched beyond what folding explains.

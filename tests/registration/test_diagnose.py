@@ -158,7 +158,9 @@ def test_surfaces_that_share_one_numbering_are_not_called_exchanged(sides):
 # What the map shows
 
 
-FLAT = SimpleNamespace(vertices=np.zeros((1000, 3)), face_areas=np.ones(1), area=1.0)
+FLAT = SimpleNamespace(
+    vertices=np.zeros((1000, 3)), faces=np.zeros((1, 3), int), face_areas=np.ones(1), area=1.0, original_vertices=None
+)
 GOOD = SimpleNamespace(switched=5, mu=np.zeros(1))
 
 
@@ -177,7 +179,20 @@ def test_a_large_error_that_the_map_has_not_reduced_an_odd_curve_and_many_switch
     assert reason.startswith("curve: 'c' ends 6.1 mm")
     assert told([0.8, 0.96, 4.88, 0.72]) == told([1.0, 1.2, 6.1, 0.9, 7.0, 7.0, 7.0], after=0.01) == []  # all are bad
     (reason,) = reasons(FLAT, [], SimpleNamespace(switched=6, mu=np.zeros(1)))
-    assert reason.startswith("rows: ") and "6 of 1000 vertices" in reason
+    assert reason.startswith("rows: ") and "6 of 1000 vertices; the features ask for folds" in reason
+
+
+@pytest.mark.parametrize("numbers, named", [(None, [0, 1, 2]), (np.arange(4, 9), [4, 5, 6])])
+def test_needles_and_not_landmarks_are_named_where_a_map_folds_at_them(numbers, named):
+    """By the vertices of the file, with as many landmarks as there are."""
+    points = [[0, 0, 0], [1, 0, 0], [0.4, 1e-4, 0], [1, 1, 0], [0, 1, 0]]
+    surface = Surface(points, [[1, 3, 2], [0, 1, 2], [2, 3, 4], [2, 4, 0]], None, numbers)
+    disk = {"landmark_error_before": 1.0, "landmark_error": 0.0, "name": "a", "landmark_error_mm": 0.0}
+    for rows in ([], [disk]):
+        (reason,) = reasons(surface, rows, SimpleNamespace(switched=2, mu=np.zeros(4)))
+        assert "; needle triangles of the moving surface ask for it (1, up to 1e+04 times" in reason
+        assert f"have the vertices [{named}]): merge" in reason
+        assert ("the landmarks are probably wrong" in reason) == bool(rows)
 
 
 def test_strong_distortion_is_measured_by_area_and_not_by_faces():
