@@ -1,7 +1,6 @@
 """Synthetic cortex: folded hemispheres with named sulci and a known dense correspondence."""
 
-import lazy_loader as lazy
-
+from qclearn.interrupts import attach
 from qclearn.io.extras import require
 
 TABLE = {
@@ -26,4 +25,4 @@ TABLE = {
 }
 
 with require("synth", "synthetic surfaces"):
-    __getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=TABLE)
+    __getattr__, __dir__, __all__ = attach(__name__, TABLE)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from qclearn.interrupts import signals_wait
 from qclearn.surfaces.surface import Surface
 
 from .fundus import trace, trim
@@ -158,7 +159,8 @@ def growth_frames(seed, n_vertices=3_000, frames=20):
     All positions have the scale of the last, so that areas can be compared. CortexError as for
     `make_cortex`.
     """
-    from .growth import GROWN  # where something grows: numba takes a second to import
+    with signals_wait():
+        from .growth import GROWN  # where something grows: numba takes a second to import
 
     _check(seed, n_vertices)
     m, film = Mechanics(), np.empty((frames - 1, n_vertices, 3))
@@ -172,7 +174,8 @@ def grown(person, n_vertices, mechanics=Mechanics(), clock=None, film=None):
     """The folded surface of an `Individual` with its curves, and its template points (V, 3).
 
     film (K, V, 3): becomes positions of its growth, as in `grow`, to the scale of the surface."""
-    from .growth import Sheet, depth_below, neighbour_table
+    with signals_wait():
+        from .growth import Sheet, depth_below, neighbour_table
     from .tessellation import even_points, triangulate
 
     directions, rim = even_points(person.position, n_vertices, person.rng)

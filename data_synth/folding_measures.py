@@ -3,6 +3,7 @@
 import numpy as np
 from scipy import sparse
 
+from qclearn.interrupts import signals_wait
 from qclearn.plane.linear import factorise, heat_flow
 
 from .cortex import vertex_normals
@@ -87,12 +88,14 @@ def facing_distance(surface, start):
     The ray begins at the distance `start`, so that it leaves its own faces. At a buried vertex: the
     sulcal width.
     """
-    import pyvista
-    from vtkmodules.vtkCommonCore import reference
-    from vtkmodules.vtkCommonDataModel import vtkStaticCellLocator
+    with signals_wait():  # PyVista imports where it is used
+        import pyvista
+        from vtkmodules.vtkCommonCore import reference
+        from vtkmodules.vtkCommonDataModel import vtkStaticCellLocator
 
+        mesh = pyvista.PolyData.from_regular_faces(surface.vertices, surface.faces)
     locator = vtkStaticCellLocator()
-    locator.SetDataSet(pyvista.PolyData.from_regular_faces(surface.vertices, surface.faces))
+    locator.SetDataSet(mesh)
     locator.BuildLocator()
     normal = vertex_normals(surface.vertices, surface.faces)
     reach = 2 * np.ptp(surface.vertices, axis=0).max()

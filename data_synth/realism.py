@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import ConvexHull
 
+from qclearn.interrupts import signals_wait
 from qclearn.surfaces.curvature import mean_curvature, sulcal_depth
 from qclearn.surfaces.surface import Surface, require_outward
 
@@ -130,6 +131,7 @@ def _bend_cosines(faces, normal):
     return (one * two).sum(axis=1) / (np.linalg.norm(one, axis=1) * np.linalg.norm(two, axis=1))
 
 
+@signals_wait()  # PyVista imports where it is used
 def _canonical(surface):
     if len(surface.vertices) <= 1.05 * CANONICAL_VERTICES:
         return surface

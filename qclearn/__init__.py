@@ -1,7 +1,6 @@
 """Quasi-conformal registration of cortical surfaces: exact geometry first, networks second."""
 
-import lazy_loader as lazy
-
+from .interrupts import attach
 from .moved import GONE, gone
 
 TABLE = {
@@ -30,7 +29,7 @@ TABLE = {
 }
 MODULES = {module: names.split() for module, names in TABLE.items()}
 
-_attribute, __dir__, __all__ = lazy.attach(__name__, submod_attrs=MODULES)
+_attribute, __dir__, __all__ = attach(__name__, MODULES)
 
 
 def __getattr__(name):

@@ -1,7 +1,7 @@
 """What the pages of the book import: figures, tables, numbers for the prose, explorables, and
 graded exercises."""
 
-import lazy_loader as lazy
+from qclearn.interrupts import attach
 
 EXPLORABLES = ("Mobius", "Mu", "Tuner", "Sulci", "Landmarks", "LBS", "Boundary", "Growth", "HowSure")
 TABLE = {
@@ -25,4 +25,4 @@ TABLE = {
     ],
 }
 
-__getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=TABLE)
+__getattr__, __dir__, __all__ = attach(__name__, TABLE)

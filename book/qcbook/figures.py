@@ -5,12 +5,15 @@ import base64
 import html
 
 import numpy as np
-from matplotlib.collections import EllipseCollection
 
+from qclearn.interrupts import signals_wait
 from qclearn.plane import Disk
 from qclearn.plane.disk import pairs
 from qclearn.plot import curve_legend, curves_plot, disk_axes, disk_plot, lines_plot, map_curves, polar_lines
 from qclearn.surfaces.curvature import area_radius, grey_levels, mean_curvature, parts_of_faces
+
+with signals_wait():
+    from matplotlib.collections import EllipseCollection
 
 FLIPPED_COLOUR = "#CC79A7"
 

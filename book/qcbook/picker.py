@@ -7,13 +7,12 @@ from pathlib import Path
 
 import anywidget
 import numpy as np
-import pyvista
 import traitlets
 from PIL import Image
 from scipy import sparse
-from vtkmodules.vtkRenderingCore import vtkCellPicker
 
 from qcbook.scenes import surface_scene
+from qclearn.interrupts import signals_wait
 from qclearn.io.safe import write_whole
 from qclearn.plane.linear import heat_flow
 from qclearn.registration.curves import OTHER_SIDE, SIDES, check_curves, fundus_metric, fundus_path
@@ -22,6 +21,10 @@ from qclearn.surfaces.curvature import mean_curvature
 from qclearn.surfaces.surface import Surface
 
 from .live import MODULES
+
+with signals_wait():
+    import pyvista
+    from vtkmodules.vtkRenderingCore import vtkCellPicker
 
 WIDTH, HEIGHT = 400, 360  # of a picture, in pixels; two fit beside each other
 DEGREES = 0.4  # of turn a pixel of drag

@@ -13,13 +13,17 @@ import sys
 import warnings
 
 import numpy as np
-import pyvista as pv
-from matplotlib.colors import LinearSegmentedColormap
 from scipy.spatial import cKDTree
 
-from qcbook.figures import picture_html
+from qclearn.interrupts import signals_wait
 from qclearn.plane.disk import Disk
 from qclearn.plot import CURVE_STYLES, map_curves
+
+with signals_wait():
+    import pyvista as pv
+    from matplotlib.colors import LinearSegmentedColormap
+
+    from qcbook.figures import picture_html
 
 # Lit from one side, black to white is too dark.
 SHADES = LinearSegmentedColormap.from_list("shades", ["0.38", "1.0"])

@@ -1,6 +1,6 @@
 """Every method on the same problems: surface pairs, runs, measures, and files of results."""
 
-import lazy_loader as lazy
+from ..interrupts import attach
 
 TABLE = {
     "cortex": "AMPLITUDES",
@@ -15,4 +15,4 @@ TABLE = {
 }
 MODULES = {module: names.split() for module, names in TABLE.items()}
 
-__getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=MODULES)
+__getattr__, __dir__, __all__ = attach(__name__, MODULES)

@@ -3,6 +3,7 @@
 import gc
 from contextlib import contextmanager
 
+from ..interrupts import signals_wait
 from ..io.provenance import versions as versions_of
 from .isolated import isolated_trial
 from .measured import BenchmarkError
@@ -18,8 +19,9 @@ LOCAL |= {"dashboard_address": "127.0.0.1:0"}
 @contextmanager
 def connect(scheduler, workers):
     """A dask client of the scheduler, or of `workers` processes of this machine; BenchmarkError."""
-    import dask
-    from distributed import Client, LocalCluster
+    with signals_wait():
+        import dask
+        from distributed import Client, LocalCluster
 
     # A failed client that is collected while the next one is made would wait for its lock forever.
     gc.collect()

@@ -1,7 +1,6 @@
 """The paper's three networks, each behind the same call as its exact counterpart."""
 
-import lazy_loader as lazy
-
+from ..interrupts import attach
 from ..io.extras import require
 
 TABLE = {
@@ -20,4 +19,4 @@ TABLE = {
 MODULES = {module: names.split() for module, names in TABLE.items()}
 
 with require("nets", "the networks"):
-    __getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=MODULES)
+    __getattr__, __dir__, __all__ = attach(__name__, MODULES)

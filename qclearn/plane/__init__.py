@@ -1,7 +1,7 @@
 """The complex plane: meshes of the disk, Beltrami coefficients and their maps, Möbius maps, the
 certificate."""
 
-import lazy_loader as lazy
+from ..interrupts import attach
 
 TABLE = {
     "bijectivity": ["mean_value_matrix", "repair"],
@@ -23,4 +23,4 @@ TABLE = {
     "mobius": ["centring_mobius"],
 }
 
-__getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=TABLE)
+__getattr__, __dir__, __all__ = attach(__name__, TABLE)

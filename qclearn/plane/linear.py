@@ -4,8 +4,6 @@ matrix.
 """
 
 import contextlib
-from functools import cache
-from importlib.util import find_spec
 
 import numpy as np
 from jaxtyping import Float, Integer
@@ -15,6 +13,12 @@ from scipy.sparse.linalg import splu
 
 from .checks import BeltramiError
 
+try:
+    from cvxopt import cholmod, matrix, spmatrix  # extra `fast`
+except ImportError:
+    cholmod = None
+
+HAS_CHOLMOD = cholmod is not None
 SYMMETRIC = 1e-12  # of the largest entry: what a matrix may be off its transpose
 LARGE = 20_000  # vertices from which on a mesh is mapped and smoothed by way of a smaller one
 
@@ -43,7 +47,7 @@ def factorise(matrix, ordering="MMD_AT_PLUS_A", pattern=None):
     """
     matrix = matrix.tocsc()
     symmetric = abs(matrix - matrix.T).max() <= SYMMETRIC * abs(matrix).max()
-    if ordering != "NATURAL" and has_cholmod() and symmetric:
+    if ordering != "NATURAL" and HAS_CHOLMOD and symmetric:
         with contextlib.suppress(ArithmeticError):  # not positive definite
             return Cholesky(matrix, pattern)
     try:
@@ -55,11 +59,6 @@ def factorise(matrix, ordering="MMD_AT_PLUS_A", pattern=None):
             f"the system of equations cannot be solved ({str(error).lower()}): some vertex is in "
             "no face, or triangles are too thin or too small for double precision; remesh"
         ) from None
-
-
-@cache
-def has_cholmod():
-    return find_spec("cvxopt") is not None
 
 
 class Pattern:
@@ -81,8 +80,6 @@ class Cholesky:
     """
 
     def __init__(self, matrix, pattern):
-        from cvxopt import cholmod, spmatrix
-
         cholmod.options["supernodal"] = 2
         lower = sparse.tril(matrix).tocoo()
         self.lower = spmatrix(lower.data, *lower.coords, matrix.shape)
@@ -92,8 +89,6 @@ class Cholesky:
 
     def fill(self):
         """The pattern's factors, filled with the numbers of this matrix."""
-        from cvxopt import cholmod
-
         if self.pattern.factors is None:
             self.pattern.factors = cholmod.symbolic(self.lower)
         if self.pattern.key is not self.key:
@@ -104,8 +99,6 @@ class Cholesky:
 
     def solve(self, load):
         """x with `matrix x = load`, (N,) or (N, K)."""
-        from cvxopt import cholmod, matrix
-
         x = matrix(np.asfortranarray(load.reshape(len(load), -1)))
         cholmod.solve(self.fill(), x)
         return np.asarray(x).reshape(load.shape)

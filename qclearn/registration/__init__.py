@@ -18,7 +18,7 @@
 Beside it: transfer (values carried).
 """
 
-import lazy_loader as lazy
+from ..interrupts import attach
 
 TABLE = {
     "curves": ["Curve", "check_curves", "curve_distance", "curves_in_space"],
@@ -43,4 +43,4 @@ TABLE = {
     "uncertainty": ["Laplace", "calibrated"],
 }
 
-__getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=TABLE)
+__getattr__, __dir__, __all__ = attach(__name__, TABLE)

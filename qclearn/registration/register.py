@@ -10,6 +10,7 @@ from jaxtyping import Complex, Float, Integer
 from numpy import ndarray
 from tqdm import tqdm
 
+from ..interrupts import signals_wait
 from ..moved import gone
 from ..surfaces.conformal import parameterize
 from ..surfaces.surface import Mesh, Surface, require_disk, require_outward
@@ -151,7 +152,8 @@ def register(
     networks = {}
     if method == "network":
         with stages("load"):
-            from ..nets import load  # here, as it needs torch
+            with signals_wait():
+                from ..nets import load  # here, as it needs torch
 
             names = ["ldnet", "cpnet", "dbsnet"][: 3 if features is None else 2]
             networks = {name: load(name) for name in names}

@@ -1,7 +1,7 @@
 """The HTML page on a finished registration."""
 
-import lazy_loader as lazy
+from ..interrupts import attach
 
 TABLE = {"pair": ["write_pair"]}
 
-__getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=TABLE)
+__getattr__, __dir__, __all__ = attach(__name__, TABLE)

@@ -1,10 +1,10 @@
 """Surfaces in space: checked once, cut open, measured, mapped conformally to the disk."""
 
-import lazy_loader as lazy
+from ..interrupts import attach
 
 TABLE = {
     "conformal": ["ParameterizedSurface", "parameterize"],
     "curvature": ["CLOSING_CELL", "CLOSING_RADIUS", "AreaRadius", "area_radius", "grey_levels"],
 }
 
-__getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=TABLE)
+__getattr__, __dir__, __all__ = attach(__name__, TABLE)

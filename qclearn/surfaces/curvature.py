@@ -10,6 +10,7 @@ from jaxtyping import Complex, Float
 from numpy import ndarray
 from scipy.sparse import coo_array
 
+from ..interrupts import signals_wait
 from ..plane.checks import read_only
 from ..plane.disk import Disk
 from ..plane.grids import pixel_centres
@@ -115,12 +116,13 @@ def sulcal_depth(surface: Surface) -> Float[ndarray, " V"]:
     origin = vertices.min(axis=0) - margin
     shape = np.ceil((vertices.max(axis=0) + margin - origin) / cell).astype(int)
     # Which voxel centres, `origin + cell * index`, lie inside the surface with its openings capped.
-    import pyvista  # slow to import, and nothing else here needs it
-
     points, fans = closing_fans(surface)
-    body = pyvista.PolyData.from_regular_faces(points, np.vstack([surface.faces, fans]))
-    grid = pyvista.ImageData(dimensions=shape, spacing=(cell,) * 3, origin=origin)
-    mask = body.voxelize_binary_mask(reference_volume=grid)["mask"]
+    with signals_wait():  # PyVista imports more when it is used
+        import pyvista  # slow to import, and nothing else here needs it
+
+        body = pyvista.PolyData.from_regular_faces(points, np.vstack([surface.faces, fans]))
+        grid = pyvista.ImageData(dimensions=shape, spacing=(cell,) * 3, origin=origin)
+        mask = body.voxelize_binary_mask(reference_volume=grid)["mask"]
     body = mask.reshape(shape[::-1]).transpose(2, 1, 0) > 0
     # The closing: the filled surface grown by the ball, and shrunk by it.
     distance = scipy.ndimage.distance_transform_edt  # to the nearest voxel that is False

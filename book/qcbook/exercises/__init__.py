@@ -1,7 +1,7 @@
 """Graded exercises: what students are asked, and how an answer is checked."""
 
-import lazy_loader as lazy
+from qclearn.interrupts import attach
 
 TABLE = {"exercise": ["EXERCISES", "check"]}
 
-__getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=TABLE)
+__getattr__, __dir__, __all__ = attach(__name__, TABLE)
