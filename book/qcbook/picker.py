@@ -3,6 +3,7 @@ its pictures and tells of clicks, drags and keys, so that nothing else has to be
 
 import io
 import json
+from itertools import count
 from pathlib import Path
 
 import anywidget
@@ -15,7 +16,8 @@ from qcbook.scenes import surface_scene
 from qclearn.interrupts import signals_wait
 from qclearn.io.safe import write_whole
 from qclearn.plane.linear import heat_flow
-from qclearn.registration.curves import OTHER_SIDE, SIDES, check_curves, fundus_metric, fundus_path
+from qclearn.registration.curves import OTHER_SIDE, SIDES, check_curves, fundus_metric, fundus_path, read_landmarks
+from qclearn.registration.problem import LandmarkError
 from qclearn.surfaces.checks import counted
 from qclearn.surfaces.curvature import mean_curvature
 from qclearn.surfaces.surface import Surface
@@ -87,12 +89,12 @@ class View:
             self.marks[ends, colour] = parts
 
     def parts(self, ends):
-        """Balls at ends, and a tube along the sulcus that is found between two."""
+        """Balls at ends, and a tube along the sulcus that is found between two, or along a whole path."""
         points = self.shown.vertices.astype(np.float32)
         radius = 0.012 * np.linalg.norm(np.ptp(points, axis=0))
-        yield from (pyvista.Sphere(radius=radius, center=points[end]) for end in ends)
-        if len(set(ends)) == 2:
-            path = fundus_path(self.surface, *ends, self.metric)
+        yield from (pyvista.Sphere(radius=radius, center=points[end]) for end in {*ends[:1], *ends[-1:]})
+        if len(set(ends)) >= 2:
+            path = fundus_path(self.surface, *ends, self.metric) if len(ends) == 2 else list(ends)
             yield pyvista.lines_from_points(points[path]).tube(radius=0.5 * radius)
 
 
@@ -108,9 +110,12 @@ class LandmarkPicker(anywidget.AnyWidget):
     file `path`.
 
     A curve has two ends on each side, the same one first; between them the sulcus is shown that
-    `register` will find. shown: the surfaces to be looked at, (moving, control), with the same
-    faces (inflated ones); by default smoothed ones. Keys, on a picture: arrows turn, + and - zoom,
-    Enter marks what is under the cross in the middle, u undoes, s saves.
+    `register` will find. A file that is there is taken up, its curves stay as they are; LandmarkError
+    where it cannot be read or belongs to other surfaces.
+
+    shown: the surfaces to be looked at, (moving, control), with the same faces (inflated ones); by
+    default smoothed ones. Keys, on a picture: arrows turn, + and - zoom, Enter marks what is under
+    the cross in the middle, u undoes, s saves.
     """
 
     _esm = traitlets.Unicode().tag(sync=True)
@@ -118,21 +123,37 @@ class LandmarkPicker(anywidget.AnyWidget):
     said = traitlets.Unicode().tag(sync=True)
 
     def __init__(self, moving, control, path="landmarks.json", shown=(None, None)):
-        self.path, self.picks = Path(path), []
+        self.path, self.picks = Path(path).absolute(), []
         self.surfaces = {"moving": moving, "control": control}
+        self.known, self.read = None, {"curves": []}  # the file's bytes and what they hold
+        if self.path.exists():
+            contents = read_landmarks(self.path)
+            try:
+                check_curves(contents, moving, control, fewest=0)
+            except ValueError as error:
+                raise LandmarkError(f"{path}: {error}; the picker leaves it alone: give another path") from None
+            self.read = contents if isinstance(contents, dict) else {"curves": contents}
+            self.known = self.path.read_bytes()
+        names = [curve["name"] for curve in self.read["curves"]]
         self.views = {side: View(one, other) for (side, one), other in zip(self.surfaces.items(), shown)}
         pictures = {side: view.picture() for side, view in self.views.items()}
         module = (MODULES / "picker.js").read_text(encoding="utf-8")
-        super().__init__(_esm=module, pictures=pictures, names=["curve 1"], said="Click the first end on either side.")
+        super().__init__(_esm=module, pictures=pictures, names=names or ["curve 1"])
+        self.said = "Click the first end on either side."
+        if names:
+            for side in SIDES:
+                self.show(side)
+            self.said = f"{counted(names, 'curve')} of {self.path}. {self.said}"
         self.on_msg(self.asked)
 
     @property
     def curves(self):
-        """The curves as in a landmarks file; the last one may lack ends."""
-        ends = [{"moving": [], "control": []} for _ in self.names]
+        """The curves as in a landmarks file, those read from it first; the last one may lack ends."""
+        ends = [dict(curve) for curve in self.read["curves"]]
+        ends += [{"name": "", "moving": [], "control": []} for _ in self.names[len(ends) :]]
         for number, side, vertex in self.picks:
             ends[number][side].append(vertex)
-        return [{"name": name, **sides} for name, sides in zip(self.names, ends)]
+        return [{**curve, "name": name} for name, curve in zip(self.names, ends)]
 
     def asked(self, _, message, buffers):
         """What the browser tells: the name of a method below, and its arguments."""
@@ -157,7 +178,8 @@ class LandmarkPicker(anywidget.AnyWidget):
         """Take a vertex as the next end on a side, of the last curve or of a new one where that is
         complete."""
         if is_complete(self.curves[-1]):
-            self.names = [*self.names, f"curve {len(self.names) + 1}"]
+            new = (f"curve {number}" for number in count(len(self.names) + 1))
+            self.names = [*self.names, next(name for name in new if name not in self.names)]
         last = self.curves[-1]
         if len(last[side]) == 2:
             self.said = f"{last['name']} has both ends on the {side} side; click them on the {OTHER_SIDE[side]} side."
@@ -166,7 +188,7 @@ class LandmarkPicker(anywidget.AnyWidget):
             self.show(side)
 
     def undo(self):
-        """Take the last click back."""
+        """Take the last click back; curves of the file stay."""
         if self.picks:
             number, side, _ = self.picks.pop()
             self.names = self.names[: number + 1]
@@ -182,16 +204,23 @@ class LandmarkPicker(anywidget.AnyWidget):
         self.said = f"{last['name']} " + (f"lacks ends: {lacks}." if lacks else "is complete; name it, go on, or save.")
 
     def save(self):
-        """Write the complete curves to `path`, or say what is wrong with them."""
+        """Write the complete curves to `path`, or say what is wrong with them or the file."""
         marks = {side: surface.fingerprint for side, surface in self.surfaces.items()}
-        contents = {"surfaces": marks, "curves": [curve for curve in self.curves if is_complete(curve)]}
+        complete = [curve for curve in self.curves if is_complete(curve)]
+        contents = {**self.read, "surfaces": marks, "curves": complete}
+        data = (json.dumps(contents, indent=2) + "\n").encode()
         try:
+            if self.path.exists() and self.path.read_bytes() != self.known:
+                advice = "move it away and save again, or make a picker anew, which reads it"
+                raise LandmarkError(f"{self.path} has changed since it was read or written: {advice}")
             check_curves(contents, *self.surfaces.values())
-            write_whole(self.path, lambda place: place.write_text(json.dumps(contents, indent=2) + "\n"))
-            self.said = f"{counted(contents['curves'], 'curve')} written to {self.path}."
-        except ValueError as error:
+            write_whole(self.path, lambda place: place.write_bytes(data))
+            self.known = data
+            rest = "" if is_complete(self.curves[-1]) else f"; {self.names[-1]} lacks ends and is not in it"
+            self.said = f"{counted(complete, 'curve')} written to {self.path}{rest}."
+        except (ValueError, OSError) as error:
             self.said = f"Not saved: {error}"
 
 
 def is_complete(curve):
-    return all(len(curve[side]) == 2 for side in SIDES)
+    return all(len(curve[side]) >= 2 for side in SIDES)

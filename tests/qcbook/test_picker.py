@@ -1,6 +1,7 @@
 """Landmarks clicked on pictures: which vertex a pixel shows, what is taken back, and what is saved."""
 
 import io
+import json
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from PIL import Image
 from meshes import bowl
 from qcbook.picker import HEIGHT, WIDTH, LandmarkPicker
 from qclearn.registration.curves import check_curves, read_landmarks
+from qclearn.registration.problem import LandmarkError
 
 BOWLS = bowl(0.6, 12), bowl(0.9, 12)  # for all tests: their depth, which takes longest, is computed once
 
@@ -91,6 +93,47 @@ def test_what_cannot_be_saved_is_said(picker, tmp_path):
     picker.click("moving", 0, 0)
     assert picker.said == "There is no surface; click on it."
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_that_is_there_is_taken_up_and_none_replaced_unread(picker, tmp_path):
+    path = tmp_path / "landmarks.json"
+    old = {"name": "curve 2", "moving": [1, 97], "control": [2, 98]}
+    held = {"name": "a path", "moving": [3, 4, 5], "control": [4, 5], "detect": False, "hold_out": True}
+    marks = {side: surface.fingerprint for side, surface in picker.surfaces.items()}
+    path.write_text(json.dumps({"surfaces": marks, "curves": [old, held], "off_fundus_mm": {"curve 2": 1.0}}))
+    again = LandmarkPicker(*BOWLS, path)
+    assert again.said == f"2 curves of {path}. a path is complete; name it, go on, or save."
+    assert again.curves == [old, held] and difference(picker.pictures["moving"], again.pictures["moving"]) > 20
+    new = {"name": "curve 3", "moving": [7, 90], "control": [8, 91]}
+    for side, vertex in (("moving", 7), ("moving", 90), ("control", 8), ("control", 91), ("control", 30)):
+        again.pick(side, vertex)
+    again.save()
+    assert again.said == f"3 curves written to {path}; curve 4 lacks ends and is not in it."
+    contents = read_landmarks(path)
+    assert contents["curves"] == [old, held, new] and contents["off_fundus_mm"] == {"curve 2": 1.0}
+    for _ in range(9):
+        again.undo()
+    assert again.curves == [old, held, {**new, "moving": [], "control": []}]
+    # Another picker, which began before the file was there, leaves it alone; so does one that read an older one.
+    for late in (picker, LandmarkPicker(*BOWLS, path)):
+        path.write_text(json.dumps({"curves": [new]}))
+        for side, vertex in (("moving", 1), ("moving", 97), ("control", 2), ("control", 98)):
+            late.pick(side, vertex)
+        late.save()
+        assert late.said.startswith(f"Not saved: {path} has changed") and read_landmarks(path)["curves"] == [new]
+
+
+@pytest.mark.parametrize("text, what", [
+    ('{"curves": [', "not a JSON file"), ("", "the file is empty"), ("7", "landmarks hold no curves"),
+    (json.dumps({"curves": [{"name": "a", "moving": [0, 999_999], "control": [0, 1]}]}), "the picker leaves it alone"),
+    (json.dumps({"surfaces": {"moving": {"sha256": "0" * 64}}, "curves": []}), "the picker leaves it alone"),
+])  # fmt: skip
+def test_a_file_of_other_surfaces_or_none_of_landmarks_is_left_alone(text, what, tmp_path):
+    path = tmp_path / "landmarks.json"
+    path.write_text(text)
+    with pytest.raises(LandmarkError, match=f"{path}: .*{what}"):
+        LandmarkPicker(*BOWLS, path)
+    assert path.read_text() == text
 
 
 def test_the_browser_reaches_four_methods_alone(picker):
