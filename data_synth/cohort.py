@@ -62,7 +62,9 @@ def hemispheres(
     with ThreadPoolExecutor(workers) as pool:
         jobs = [pool.submit(make, seed, path) for seed, path in missing]
         try:
-            for job in tqdm(jobs, desc="synthetic hemispheres", disable=not progress or not jobs):
+            for job in tqdm(
+                jobs, desc="synthetic hemispheres", disable=not (progress and jobs) or None
+            ):
                 job.result()
         except BaseException:
             pool.shutdown(cancel_futures=True)

@@ -175,7 +175,9 @@ def _drawn(dataset, path, workers, progress):
 
     def draw(place):
         loader = DataLoader(dataset, batch_size=16, num_workers=workers)
-        batches = list(tqdm(loader, desc=f"drawing {path.name}", delay=2, disable=not progress))
+        batches = list(
+            tqdm(loader, desc=f"drawing {path.name}", delay=2, disable=not progress or None)
+        )
         drawn.extend(torch.cat(column) for column in zip(*batches))
         columns = {f"column_{k}": tensor.numpy() for k, tensor in enumerate(drawn)}
         with place.open("wb") as file:

@@ -4,6 +4,7 @@ import numpy as np
 from scipy import sparse
 
 from .interrupts import signals_wait
+from .plane.checks import complex_numbers
 from .plane.disk import Disk, pairs
 from .plane.grids import thinned
 from .surfaces.curvature import area_radius, grey_levels, mean_curvature
@@ -34,6 +35,8 @@ def disk_axes(ax):
 
 def disk_plot(ax, z, faces, values, cmap="viridis", vmin=None, vmax=None):
     """Colour a planar mesh z (V,) by values per vertex (V,) or per face (F,); the artist."""
+    if len(values) == len(z) and np.asarray(values).dtype.kind in "biu":  # labels are not blended
+        values = np.median(values[faces], axis=1)
     shading = "gouraud" if len(values) == len(z) else "flat"
     disk_axes(ax)
     look = {"shading": shading, "cmap": cmap, "vmin": vmin, "vmax": vmax}
@@ -83,7 +86,7 @@ def curve_legend(ax, *styles):
 
 def mu_histogram(ax, mu, weights=None, bins=40):
     """Histogram of |mu| (F,) as shares, by face or by `weights` (F,), with the mean marked."""
-    size = abs(np.asarray(mu))
+    size = abs(complex_numbers(mu, "mu"))
     share = np.ones(len(size)) if weights is None else np.asarray(weights)
     share = share / share.sum()
     ax.hist(size, np.linspace(0, max(1, size.max()), bins + 1), weights=share, color="#0072B2")

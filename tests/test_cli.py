@@ -28,7 +28,7 @@ from qclearn.registration import diagnose
 from qclearn.registration.curves import read_landmarks
 from qclearn.registration.features import FOLDS
 from qclearn.registration.problem import LandmarkError, Weights
-from qclearn.registration.register import register
+from qclearn.registration.register import Stages, register
 from qclearn.surfaces import units
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror, require_outward
 from reports import REPORT
@@ -271,11 +271,37 @@ def test_the_progress_bar_is_gone_before_the_message(folder, capsys, monkeypatch
     """Even where the bar would be shown at once, the message has a line of its own."""
     module = sys.modules["qclearn.registration.register"]
     bar = module.tqdm
-    monkeypatch.setattr(module, "tqdm", lambda **options: bar(**options | {"delay": 0, "file": sys.stderr}))
+    monkeypatch.setattr(
+        module, "tqdm", lambda **options: bar(**options | {"delay": 0, "file": sys.stderr, "disable": False})
+    )
     monkeypatch.setattr(module, "fit_with_fallbacks", Mock(side_effect=LandmarkError("no")))
     with pytest.raises(SystemExit):
         run(*to_register(folder))
     assert re.search(r"\rqclearn: no\n$", capsys.readouterr().err)
+
+
+def test_bars_of_progress_are_silent_where_stderr_is_no_terminal():
+    assert Stages(3, True).bar.disable and sys.stderr.isatty() is False
+    files = [path for folder in ("qclearn", "data_synth", "book") for path in (ROOT / folder).rglob("*.py")]
+    texts = [text for path in files if "tqdm(" in (text := path.read_text(encoding="utf-8"))]
+    nodes = [node for text in texts for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call)]
+    calls = [call for node in nodes if (call := ast.unparse(node)).startswith("tqdm(")]
+    assert len(calls) == 8 and [call for call in calls if not re.search(r"disable=([^,]* or )?None\b", call)] == []
+
+
+@pytest.mark.parametrize("word", ["", " ", "--help"])
+def test_no_option_and_no_argument_takes_an_empty_word_or_an_option(tmp_path, capsys, monkeypatch, word):
+    """As a variable leaves it that is not set."""
+    monkeypatch.chdir(tmp_path)
+    taken = [(name, one) for name, command in cli.commands.items() for one in command.params]
+    taken = [(name, one) for name, one in taken if not (one.is_flag if isinstance(one, click.Option) else "-" in word)]
+    for name, one in taken:
+        before = one.opts[:1] if isinstance(one, click.Option) else []
+        for place in range(max(one.nargs, 1)):
+            words = [word if place == k else "x" for k in range(max(one.nargs, 1))]
+            line = refused(capsys, tmp_path, name, *before, *words)
+            assert f"Invalid value for '{before[0] if before else ''}" in line and repr(word) in line
+    assert len(taken) > 40
 
 
 REGISTER = "register moving.npz control.npz --out x "

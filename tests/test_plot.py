@@ -53,6 +53,13 @@ def test_ellipses_point_where_the_map_stretches_most(ax, mu):
     assert ellipse.get_heights()[0] / ellipse.get_widths()[0] == pytest.approx(shortest / longest, rel=1e-6)
 
 
+@pytest.mark.parametrize("labels", [np.arange(193) % 3 * 10, np.arange(193) % 2 > 0])
+def test_labels_in_a_figure_are_not_blended(ax, labels):
+    artist = disk_plot(ax, *polar_disk(8, 24), labels)
+    assert len(artist.get_array()) == len(polar_disk(8, 24)[1])
+    assert set(artist.get_array().tolist()) <= set(labels.tolist())
+
+
 @pytest.mark.parametrize("lines", [polar_lines(4, 6, 31), square_lines(5, 31)])
 def test_grid_lines_are_carried_by_the_map(ax, lines):
     z, faces = square_disk(8)

@@ -98,6 +98,24 @@ def test_whole_values_go_in_and_come_out(made, registered, cut, tmp_path, wall):
     np.testing.assert_array_equal(np.load(tmp_path / "again.npy"), there)
 
 
+@pytest.mark.parametrize("name, options, kept", [
+    *((name, (), True) for name in ("rh.area", "rh.area.pial", "rh.volume", "rh.area.fwhm5.mgh", "x.rh.area.gii")),
+    *((name, (), False) for name in ("rh.thickness", "rh.jacobian_white.mgh", "rh.area44.npy", "area.npy")),
+    ("rh.area", ("--mean",), False), ("rh.area", ("--nearest",), True), ("streamlines.npy", ("--sum",), True),
+])  # fmt: skip
+def test_amounts_keep_their_sum_on_the_cortex_and_a_line_says_so(
+    made, registered, tmp_path, capsys, name, options, kept
+):
+    table = read_registration(registered / "registration.npz")["table_moving"]
+    areas = qc.read_surface(made / "rh.pial").vertex_areas.astype(np.float32)
+    qc.write_values(tmp_path / name, areas)
+    words = "transfer", registered / "registration.npz", tmp_path / name, "--to", "control", *options
+    run(*words, "--out", tmp_path / "there.npy")
+    there, here, said = np.load(tmp_path / "there.npy").sum(), areas[table].sum(), capsys.readouterr().err
+    assert (abs(there / here - 1) < 1e-6) == kept == (said != "")
+    assert not kept or re.search(rf"{name}: amounts .* their sum on the cortex, {here:.6g}, is kept; --mean", said)
+
+
 @pytest.mark.parametrize("name", ["lh.rh_on_lh.label.gii", "lh.there.annot"])
 def test_whole_labels_go_in_and_come_out(made, registered, tmp_path, name):
     words = made / "rh.aparc.annot", "--to", "control", "--nearest", "--out", tmp_path / name

@@ -164,7 +164,7 @@ def main(out, sets, subjects, workers):
         benchmark(first, subjects, VERTICES, sets, runs.values(), methods, **limits)
     figures = read_json(first, "peers")
     side_of = cache(lambda make, *given: make(*given))
-    for spec in tqdm(problems(subjects, sets)):
+    for spec in tqdm(problems(subjects, sets), disable=None):
         grown = VERTICES, None, GENERATION
         sides = [side_of(*one, *(grown if one[0] is mapped_subject else ())) for one in spec.sides]
         pair = spec.make(*sides, *spec.options)

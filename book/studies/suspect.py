@@ -220,7 +220,7 @@ def main(also, out):
     settings = {"vertices": VERTICES, "also": list(also), "commit": commit()}
     checkpoint = Parts(f"{out}.partial", settings, click.ClickException)
     done = {}
-    for kind, number in tqdm(wanted):
+    for kind, number in tqdm(wanted, disable=None):
         done[kind, number] = checkpoint.json(f"{kind} {number}.json", partial(measure, kind, number, (real, synthetic)))
     cases = [done[key] for key in sorted(done)]
     figures = {"commit": commit(), "vertices": VERTICES, "limits": diagnose.LIMITS, "cases": cases}

@@ -38,7 +38,7 @@ class Spec:
 def problems(subjects, sets):
     """The Specs of the sets, list; "folder:DIR" is the set of a folder's people. BenchmarkError, or
     ImportError where a set's files are missing."""
-    folders = [name for name in sets if name.startswith("folder:")]
+    folders = [name for name in sets if name.removeprefix("folder:") not in ("", name)]
     sets = [name for name in sets if name not in folders]
     unknown = sorted(set(sets) - set(SETS[:-1]))
     if unknown or not sets + folders:

@@ -104,7 +104,7 @@ def benchmark(
         if tasks:
             processors = sorted(set(client.run(processor).values()))
             machines = {"workers": len(client.nthreads()), "processors": processors}
-        with tqdm(desc="benchmark", disable=not progress, **counts) as bar:
+        with tqdm(desc="benchmark", disable=not progress or None, **counts) as bar:
             grown = vertices, folder, GENERATION
             for row in finished(client, tasks, methods, grown, limit) if tasks else ():
                 journal.append(row)

@@ -106,12 +106,12 @@ def run_of(text):
     method, _, given = text.partition(":")
     parameters = {}  # and the landmarks' source
     for pair in filter(None, given.split(",")):
-        name, equals, value = pair.partition("=")
+        name, _, value = pair.partition("=")
         try:
             parameters[name.strip()] = json.loads(value)
         except ValueError:
             parameters[name.strip()] = value.strip()
-        if not equals:
+        if not value.strip():
             advice = f"write {method}:NAME=VALUE,NAME=VALUE"
             raise BenchmarkError(f"{text}: {pair!r} is no parameter; {advice}")
     source = parameters.pop("landmarks", "given")

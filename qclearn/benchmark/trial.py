@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from threadpoolctl import threadpool_limits
 
 from ..plane.bijectivity import RepairWarning
+from ..plane.checks import unmasked
 from ..plane.disk import Disk
 from ..plane.grids import polar
 from ..plane.mobius import mobius
@@ -112,7 +113,7 @@ def unknown(disk):
 
 def checked(f, problem):
     """A method's answer as (V,) complex or, on the sphere, (V', 3) float; ValueError."""
-    f = np.asarray(f)
+    f = np.asarray(unmasked(f, "the method's answer"))
     f = f.astype(float if f.ndim == 2 and not np.iscomplexobj(f) else complex)
     sphere = problem.pair.moving.sphere if f.ndim == 2 else None
     shape = problem.disk.z.shape if sphere is None else sphere.points.shape

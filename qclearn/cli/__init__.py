@@ -13,7 +13,7 @@ import click
 
 from ..moved import GONE, gone
 from . import registration, reports, sphere, studies, surfaces
-from .output import expanded, fail, stop, warn
+from .output import Word, expanded, fail, stop, warn
 
 
 def main(arguments=None):
@@ -56,4 +56,6 @@ for command in COMMANDS:
         # The reference asks each option; the group's own setting is for --help alone.
         if isinstance(option.default, (str, int, float)) and not isinstance(option.default, bool):
             option.show_default = True
+        if option.type is click.STRING:
+            option.type = Word()
     cli.add_command(command)

@@ -30,6 +30,16 @@ def expanded(argument):
         raise click.UsageError(f"{argument}: ~ is no known folder; write it in full") from None
 
 
+class Word(click.types.StringParamType):
+    """Text that is there: not what `--out "$A"` and `--out $A --report` give where A is not set."""
+
+    def convert(self, value, param, ctx):
+        if not str(value).strip() or str(value).startswith("--"):
+            fault = f"{value!r} is {'an option' if str(value).strip() else 'empty'}"
+            self.fail(f"{fault}; set the variable that it comes from, or leave this out")
+        return super().convert(value, param, ctx)
+
+
 def file_option(help):
     """The option --out for a file, which is refused before the work if it cannot be written."""
     return click.option(

@@ -1,5 +1,6 @@
 """`qclearn open`, `transfer` and `synth`: surfaces, and values on them."""
 
+import re
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +19,9 @@ from ..io.meshes import frame_of, read_mesh
 from ..io.values import Map, read_map
 from ..registration.transfer import transfer as transfer_map
 from .given import merge_option, units_option
-from .output import file_option, file_to_write, say
+from .output import file_option, file_to_write, say, warn
+
+AMOUNTS = re.compile(r"(?<![^.])[lr]h\.(area|volume)(?![^.])")  # in a name; not ?h.jacobian_white
 
 hemisphere_option = click.option(
     "--hemisphere", type=click.Choice(["left", "right"]), help="For GIFTI, if no file names it."
@@ -79,6 +82,11 @@ def agreed(hemisphere, side, name):
     help="The surface that gets the values; VALUES belong to the other one.",
 )
 @click.option("--nearest", is_flag=True, help="The nearest vertex's value; for labels and .annot.")
+@click.option(
+    "--sum/--mean",
+    default=None,
+    help="Keep the sum of amounts at vertices, or blend numbers  [default: --sum for ?h.area, ?h.volume]",
+)
 @hemisphere_option
 @click.option(
     "--wall",
@@ -87,7 +95,7 @@ def agreed(hemisphere, side, name):
     help="Value on the medial wall; cut: write the cut-open surface's values alone.",
 )
 @file_option(".npy, .txt, .gii, .mgh, .annot or a morphometry name.")
-def transfer(registration, values, to, nearest, hemisphere, wall, out):
+def transfer(registration, values, to, nearest, sum, hemisphere, wall, out):
     """Carry the per-vertex file VALUES to the other surface of REGISTRATION, a registration.npz.
 
     VALUES belong to the whole surface or to the cut-open one. The result is of the whole one if
@@ -108,15 +116,20 @@ def transfer(registration, values, to, nearest, hemisphere, wall, out):
             "interpolate"
         )
     here = numberings[source].on_cut_surface(given.values, values)
-    carried = transfer_map(here, z[source], arrays[f"faces_{source}"], z[to], nearest)
+    # What FreeSurfer's name calls areas or volumes are amounts, unless they are labels.
+    named = not given.is_integer and bool(AMOUNTS.search(Path(values).name))
+    sum = named if sum is None else sum
+    faces, faces_to = (arrays[f"faces_{side}"] for side in (source, to))
+    carried = transfer_map(here, z[source], faces, z[to], nearest, sum, faces_to)
     side = agreed(hemisphere, sides[to], f"the {to} surface")
     labels = given.labels if nearest else None
     carried = Map(carried, side, labels, given.names, given.integer)
     count = write_carried(out, carried, numberings[to], wall)
     on_cortex = f", {len(z[to])} on its cortex" if count > len(z[to]) else ""
     say(f"{out}: {count} values on the {to} surface{on_cortex}")
-    if given.may_be_labels and not nearest:
-        say(f"{values}: whole numbers, carried as numbers; give --nearest if these are labels")
+    if sum:
+        kept = f"their sum on the cortex, {np.nansum(here):.6g}, is kept"
+        warn(f"{values}: amounts at vertices, carried by area; {kept}; --mean blends the numbers")
 
 
 def write_carried(out, carried, numbering, wall):
@@ -192,7 +205,8 @@ def synth(seed, vertices, hemisphere, cohort, generation, workers, out):
 def grow_with_bar(make_cortex, *arguments, **options):
     """Run make_cortex in a thread, while a progress bar follows its clock."""
     clock = np.zeros(2, dtype=np.int64)
-    with ThreadPoolExecutor(1) as pool, tqdm(desc="growing", delay=2, leave=False) as bar:
+    bar = tqdm(desc="growing", delay=2, disable=None, leave=False)
+    with ThreadPoolExecutor(1) as pool, bar:
         job = pool.submit(make_cortex, *arguments, clock=clock, **options)
         while wait([job], timeout=0.2).not_done:
             bar.total = int(clock[1]) or None

@@ -10,6 +10,7 @@ from jaxtyping import Integer
 from numpy import ndarray
 
 from ..moved import GONE, gone
+from ..plane.checks import unmasked
 from ..surfaces.surface import Mesh, Surface, SurfaceError
 from ..surfaces.units import UNITS, size_of
 from . import foreign, gifti, meshformats, safe
@@ -117,7 +118,7 @@ def write_surface(
         side = agreed_side(path, frame.side)
         _require_plain(surface.curves if suffix == ".npz" else ())
     numbers = original_vertices if original_vertices is not None else surface.original_vertices
-    numbers = None if numbers is None else np.asarray(numbers)
+    numbers = None if numbers is None else np.asarray(unmasked(numbers, "original_vertices"))
 
     def write(place):
         if suffix == ".npz":

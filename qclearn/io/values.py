@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Real
 from numpy import ndarray
 
+from ..plane.checks import unmasked
 from ..surfaces.surface import Mesh, Surface, SurfaceError
 from . import annotations, foreign, gifti
 from .frames import agreed_side, side_of_name
@@ -98,13 +99,6 @@ class Map(NamedTuple):
         """Whether a map is of a type of whole numbers, as labels are."""
         return self.values.dtype.kind in "biu" or bool(self.integer)
 
-    @property
-    def may_be_labels(self):
-        """Whether a map, of floats, holds whole numbers alone, and several."""
-        columns = self.values.reshape(len(self.values), -1).T
-        sets = [np.unique(column[np.isfinite(column)]) for column in columns]
-        return not self.is_integer and any(len(one) > 1 and not (one % 1).any() for one in sets)
-
 
 def read_label(path):
     """The vertex numbers (n,) that a FreeSurfer .label file lists, in its order."""
@@ -187,7 +181,7 @@ def write_values(
     SurfaceError where format, numbers or folder do not allow it.
     """
     path = Path(path)
-    values = np.asarray(values)
+    values = np.asarray(unmasked(values, path, SurfaceError))
     suffix = suffix_of(path)
     _require_known(path, suffix, "written")
     if values.dtype.kind not in "biuf" or values.ndim not in (1, 2):

@@ -8,6 +8,7 @@ pixel in row i and column j of a size x size image lies at `w = x + iy`, x = (2j
 import numpy as np
 import torch
 
+from ..plane.checks import complex_numbers, unmasked
 from ..registration.curves import check_path
 from ..registration.problem import LandmarkError
 from ..surfaces.curvature import curvature_image, grey_levels, mean_curvature
@@ -17,7 +18,7 @@ from ..surfaces.surface import SurfaceError, require_disk
 def check_input(surface, z, endpoints):
     """z (V,) complex and endpoints (K, 2) int as arrays; SurfaceError or LandmarkError."""
     require_disk(surface)
-    z, endpoints = np.asarray(z, complex), np.asarray(endpoints)
+    z, endpoints = complex_numbers(z, "z"), np.asarray(unmasked(endpoints, "endpoints"))
     if z.shape != (len(surface.vertices),) or not np.isfinite(z).all():
         raise SurfaceError(
             f"z has the shape {z.shape}, {np.count_nonzero(~np.isfinite(z))} of its numbers not "

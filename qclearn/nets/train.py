@@ -101,8 +101,8 @@ def train(model, training, validation, config, folder, progress=True):
         log = Log(folder, step, seconds, sums)
         objective = Objective(model)
         objective = DistributedDataParallel(objective) if world > 1 else objective
-        disable = not progress or rank > 0 or None  # None: unless on a terminal
-        bar = tqdm(total=config.steps, initial=step, disable=disable, desc="training")
+        count = {"total": config.steps, "initial": step}
+        bar = tqdm(desc="training", disable=not progress or rank > 0 or None, **count)
         saved = time.perf_counter()
         while step < config.steps:
             loss, figures = take_step(objective, optimiser, training, config, step, process)

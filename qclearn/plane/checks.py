@@ -22,10 +22,32 @@ def read_only(array):
     return array
 
 
+def unmasked(values, name, error=BeltramiError):
+    """The values, or an `error` where a masked array hides some: `np.asarray` would drop its mask."""
+    if np.ma.is_masked(values):
+        rows = np.unique(np.argwhere(np.ma.getmaskarray(values))[:, 0])
+        raise error(
+            f"{name}: values are masked in {counted(rows, 'row')}: {some(rows)}; the mask would be "
+            "lost: fill them in (values.filled(0), say), or leave them out"
+        )
+    return values
+
+
+def blendable(values):
+    """Real or complex values as an array; ValueError for what may be labels, and a masked array."""
+    values = np.asarray(unmasked(values, "values", ValueError))
+    if values.dtype.kind not in "fc":
+        raise ValueError(
+            f"values of type {values.dtype} may be labels, which interpolation would blend into "
+            "others: carry them with nearest=True, or give values.astype(float)"
+        )
+    return values
+
+
 def complex_numbers(values, name):
     """An array as complex128, or BeltramiError."""
     try:
-        values = np.asarray(values)
+        values = np.asarray(unmasked(values, name, TypeError))
         if values.dtype.kind not in "biufcO":  # NumPy would read text and count dates
             raise TypeError(f"they have type {values.dtype}")
         return values.astype(complex, copy=False)
@@ -58,6 +80,7 @@ def some(items):
 def check_faces(faces, n_vertices, error=BeltramiError):
     """Triangles as int64 (F, 3), at least one, with corners in range; or an `error`, which is a
     SurfaceError for the faces of a surface."""
+    unmasked(faces, "faces", error)
     try:
         faces = np.asarray(faces)
     except ValueError:
@@ -83,7 +106,7 @@ def check_faces(faces, n_vertices, error=BeltramiError):
 def check_map(f, n_vertices):
     """A map as one number or point a vertex, complex (V,) or real (V, 3), or BeltramiError."""
     surface = np.ndim(f) == 2 and np.shape(f)[1] == 3 and np.asarray(f).dtype.kind in "biuf"
-    f = np.asarray(f, float) if surface else planar_points(f, "f")
+    f = np.asarray(unmasked(f, "f"), float) if surface else planar_points(f, "f")
     if len(f) != n_vertices:
         raise BeltramiError(
             f"f has shape {f.shape}, but the mesh has {n_vertices} vertices: give one value a "
@@ -121,7 +144,7 @@ def check_used(disk):
 
 def check_pins(pinned, values, n_vertices):
     """`pinned` as integers and `values` as complex numbers, or BeltramiError."""
-    pinned = np.atleast_1d(pinned)
+    pinned = np.atleast_1d(unmasked(pinned, "pinned"))
     values = np.atleast_1d(complex_numbers(values, "values"))
     if pinned.ndim != 1 or pinned.shape != values.shape or len(pinned) == 0:
         raise BeltramiError(

@@ -5,6 +5,8 @@ import numpy as np
 from jaxtyping import Complex
 from numpy import ndarray
 
+from .checks import complex_numbers
+
 LARGEST = 1 - 1e-10  # of |mu|: tanh rounds to 1 from 19 on, where a step that is too long may lead
 
 
@@ -21,7 +23,7 @@ def inverse_coefficient(
     mu: Complex[ndarray, " *F"], f_z: Complex[ndarray, " *F"]
 ) -> Complex[ndarray, " *F"]:
     """Coefficient of the inverse of f at the image points f(z): `-mu f_z / conj(f_z)`."""
-    return -np.asarray(mu) * f_z / np.conj(f_z)
+    return -complex_numbers(mu, "mu") * f_z / np.conj(f_z)
 
 
 def diffuse(mu, gradient):

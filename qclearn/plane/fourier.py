@@ -8,6 +8,7 @@ channels at once.
 import numpy as np
 import scipy
 
+from .checks import unmasked
 from .grids import disk_to_square, pixel_centres, square_to_disk
 from .solver import DiskSolver
 
@@ -77,7 +78,7 @@ def to_square(disk, mu, size):
     counterclockwise: no pullback.
     """
     face, _ = disk.locate(square_to_disk(pixel_centres(size)).ravel() * np.exp(1j * ASIDE))
-    return np.asarray(mu)[face].reshape(size, size)
+    return np.asarray(unmasked(mu, "mu"))[face].reshape(size, size)
 
 
 def from_square(image, disk):
@@ -118,7 +119,7 @@ def compression_effect(disk, mu, ks, size=128):
 
 
 def _square(image):
-    image = np.asarray(image)
+    image = np.asarray(unmasked(image, "the image"))
     if image.ndim != 2 or image.shape[0] != image.shape[1]:
         raise ValueError(f"the image must be square, (N, N), not {image.shape}; see to_square")
     return image

@@ -10,6 +10,7 @@ import scipy
 from jaxtyping import Complex, Integer
 from numpy import ndarray
 
+from .checks import complex_numbers
 from .disk import Disk, pairs
 from .linear import around_vertices
 
@@ -21,14 +22,14 @@ COARSE, FINE = (24, 72), (32, 96)
 def square_to_disk(w: Complex[ndarray, " *P"]) -> Complex[ndarray, " *P"]:
     """Radial map of the square [-1, 1]^2 onto the unit disk, `w max(|cos t|, |sin t|)`, t = arg w;
     0 to 0."""
-    w = np.asarray(w, complex)
+    w = complex_numbers(w, "w")
     return w * _radius_ratio(w)
 
 
 def disk_to_square(z: Complex[ndarray, " *P"]) -> Complex[ndarray, " *P"]:
     """Inverse of `square_to_disk`: `z / max(|cos t|, |sin t|)` (the paper's formula with its
     absolute values)."""
-    z = np.asarray(z, complex)
+    z = complex_numbers(z, "z")
     return z / _radius_ratio(z)
 
 

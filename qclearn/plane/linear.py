@@ -11,7 +11,7 @@ from numpy import ndarray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from .checks import BeltramiError
+from .checks import BeltramiError, blendable, unmasked
 
 try:
     from cvxopt import cholmod, matrix, spmatrix  # extra `fast`
@@ -191,9 +191,9 @@ def around_vertices(values, faces, n_vertices=0):
 
 
 def interpolate(values, faces, places):
-    """Values (V, ...) of the vertices at places (face, weights), linear in each of the faces."""
+    """Values (V, ...) of the vertices at places (face, weights), linear in each; no labels."""
     face, weights = places
-    return np.einsum("pk,pk...->p...", weights, np.asarray(values)[faces[face]])
+    return np.einsum("pk,pk...->p...", weights, blendable(values)[faces[face]])
 
 
 def middles(m):
@@ -226,7 +226,7 @@ def cotangent_stiffness(
 ) -> Float[sparse.csc_array, " V V"]:
     """The surface's stiffness matrix, off-diagonal `-(cot a + cot b)/2`: K(mu) of any embedding
     with coefficient mu."""
-    edges = opposite_edges(np.asarray(vertices, float)[faces])
+    edges = opposite_edges(np.asarray(unmasked(vertices, "vertices"), float)[faces])
     area = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     blocks = np.einsum("fia,fja->fij", edges, edges) / (4 * area[:, None, None])
     return assemble(np.asarray(faces), blocks, len(vertices))

@@ -8,6 +8,8 @@ import numpy as np
 from jaxtyping import Complex, Float
 from numpy import ndarray
 
+from .checks import planar_points
+
 LEAST, FIRST, MOST = 1e-9, 1e-3, 1e6  # damping of a Gauss-Newton step, relative
 ROUNDING = 1e-14  # of a sum of squares
 STILL = 1e-15  # a step too short to matter
@@ -82,7 +84,7 @@ def best_mobius(p: Complex[ndarray, " M"], q: Complex[ndarray, " M"]) -> tuple[c
     """The disk Möbius map, as (a, theta), that minimises `mean |M(p) - q|^2` over points of the
     unit disk: the nearest one from eight rotations, so that a large turn between the point sets
     does not end in a local minimum."""
-    p, q = (np.asarray(points, complex)[None] for points in (p, q))
+    p, q = (planar_points(points, name)[None] for points, name in ((p, "p"), (q, "q")))
     (a, theta), _ = nearest_mobius(p, q, turns=8, rounds=100)
     return complex(a[0]), float(np.angle(np.exp(1j * theta[0])))
 

@@ -14,6 +14,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
 from ..io.safe import NOT_PLAIN, is_plain_name, read_bytes
+from ..plane.checks import unmasked
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import Mesh, Surface, SurfaceError
 from .problem import LandmarkError
@@ -102,6 +103,7 @@ def equally_spaced(points, count):
 
 def check_path(surface, path):
     """A vertex path as integers, or LandmarkError."""
+    unmasked(path, "a curve", LandmarkError)
     try:
         path = np.asarray(path)
     except ValueError:
@@ -173,8 +175,8 @@ def detect_curves(
 ) -> list[Complex[ndarray, " _"]]:
     """The sulci between pairs of endpoints as curves in the disk z: shortest paths in
     `fundus_metric`, as LD-Net's."""
-    metric = fundus_metric(surface)
-    return [z[fundus_path(surface, start, end, metric)] for start, end in np.asarray(endpoints)]
+    metric, ends = fundus_metric(surface), np.asarray(unmasked(endpoints, "endpoints"))
+    return [z[fundus_path(surface, start, end, metric)] for start, end in ends]
 
 
 def curves_in_space(side, curves):

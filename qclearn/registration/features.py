@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
+from ..plane.checks import unmasked
 from ..plane.grids import thinned
 from ..plane.linear import LARGE, around_vertices, heat_flow
 from ..plane.mobius import centring_mobius, compose_mobius, descend, mobius, mobius_fields
@@ -300,6 +301,7 @@ def check_features(features, moving, control):
 
 def check_values(values, name, surface):
     """A feature's values on a surface as floats (V,), or FeatureError with their name."""
+    unmasked(values, name, FeatureError)
     try:
         values = np.asarray(values)
     except ValueError:

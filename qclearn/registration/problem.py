@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..plane.checks import BeltramiError, complex_numbers
+from ..plane.checks import BeltramiError, complex_numbers, unmasked
 from ..plane.disk import Disk
 from ..plane.mobius import best_mobius
 
@@ -122,7 +122,8 @@ class Problem:
                 "labels"
             )
         try:
-            curve = np.zeros(len(moving), int) if self.curve is None else np.asarray(self.curve)
+            curve = np.zeros(len(moving), int) if self.curve is None else self.curve
+            curve = np.asarray(unmasked(curve, "curve labels", LandmarkError))
         except ValueError:
             raise LandmarkError(
                 "curve labels are lists of unequal lengths: give integers (M,)"

@@ -61,7 +61,7 @@ class Stages:
 
     def __init__(self, count, progress):
         self.seconds = {}
-        self.bar = tqdm(total=count, delay=2, disable=not progress, leave=False)
+        self.bar = tqdm(total=count, delay=2, disable=not progress or None, leave=False)
 
     @contextmanager
     def __call__(self, name):

@@ -5,7 +5,7 @@ import scipy
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from ..plane.checks import SurfaceError, counted, read_only, some
+from ..plane.checks import SurfaceError, counted, read_only, some, unmasked
 from ..plane.linear import degenerate_faces
 
 LARGEST = 1e60  # of a coordinate: a squared area, its fourth power, is still a number
@@ -17,7 +17,7 @@ def origins(numbers, n_vertices):
     """original_vertices as int64, or None."""
     if numbers is None:
         return None
-    numbers = np.asarray(numbers)
+    numbers = np.asarray(unmasked(numbers, "original_vertices", SurfaceError))
     sound = numbers.shape == (n_vertices,) and np.issubdtype(numbers.dtype, np.integer)
     if not sound or numbers.min() < 0 or (np.diff(np.sort(numbers)) == 0).any():
         raise SurfaceError(
@@ -36,7 +36,7 @@ def vertex_array(vertices, finite=True):
             "1)"
         )
     try:
-        given = np.asarray(vertices).dtype
+        given = np.asarray(unmasked(vertices, "vertices", TypeError)).dtype
         vertices = np.array(vertices, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
         raise SurfaceError(
@@ -71,7 +71,7 @@ def vertex_array(vertices, finite=True):
 
 def curve_path(name, path, n_vertices):
     """A curve as read-only int64 (k,), vertices of the surface."""
-    path = np.array(path)
+    path = np.array(unmasked(path, f"curve '{name}'", SurfaceError))
     if path.ndim != 1 or path.size == 0 or path.dtype.kind not in "iu":
         raise SurfaceError(f"curve '{name}' must be a non-empty list of vertex indices (integers)")
     bad = path[(path < 0) | (path >= n_vertices)]

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Integer
 from numpy import ndarray
 
-from .checks import LARGEST, check_shapes, check_topology, components, vertex_array
+from .checks import LARGEST, check_shapes, check_topology, components, unmasked, vertex_array
 from .surface import Mesh, Surface, SurfaceError, places_of, require_disk
 
 
@@ -93,7 +93,7 @@ def _without_wall(mesh, mask, cut):
 
 
 def _checked_mask(surface, mask):
-    mask, n_vertices = np.asarray(mask), len(surface.vertices)
+    mask, n_vertices = np.asarray(unmasked(mask, "the mask", SurfaceError)), len(surface.vertices)
     if mask.dtype != bool or mask.shape != (n_vertices,):
         raise SurfaceError(
             f"the mask must be {n_vertices} booleans, one a vertex (True = cut), not {mask.dtype} "

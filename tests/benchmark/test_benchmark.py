@@ -162,6 +162,7 @@ REFUSED = [  # what is asked for, and what is said of it
     ({"subjects": 25}, "25 subjects: the cohort has 1 to 24"),
     ({"subjects": "3"}, "'3' subjects"),
     ({"sets": ["mars"]}, "no set of problems mars; there are cohort, displacement"),
+    ({"sets": ["folder:"]}, "no set of problems folder:; there are cohort"),  # of a variable that is not set
     ({"sets": []}, "no set of problems given"),
     ({"out": "."}, "not a file in a folder that exists"),
     ({"out": "nowhere/r.json"}, "not a file in a folder that exists"),
@@ -219,8 +220,9 @@ def test_a_run_is_read_from_the_command_line():
         ("cpnet_exact:preset=paper,gamma=1e4,landmarks=path", {"preset": "paper", "gamma": 1e4}, "path"),
     ):
         assert run_of(text) == Run(text, text.partition(":")[0], *given)
-    with pytest.raises(BenchmarkError, match="'weight' is no parameter; write harmonic:NAME=VALUE"):
-        run_of("harmonic:weight")
+    for given in ("weight", "weight="):
+        with pytest.raises(BenchmarkError, match=f"'{given}' is no parameter; write harmonic:NAME=VALUE"):
+            run_of(f"harmonic:{given}")
 
 
 IN_ONE_LINE = [

@@ -320,6 +320,7 @@ def test_a_name_and_a_count_say_which_numbers_are_others(tmp_path, carry, capsys
     assert "v.npy: 29 values for 28 vertices" in capsys.readouterr().err
 
 
+@pytest.mark.filterwarnings("default:whole numbers")
 @pytest.mark.parametrize("values, options, hinted", [
     (np.where(SOME, SOME, np.nan), (), True), (np.where(SOME, SOME, np.nan), ("--nearest",), False),
     (SOME + 0.5, (), False), (np.ones(30), (), False),
@@ -327,8 +328,8 @@ def test_a_name_and_a_count_say_which_numbers_are_others(tmp_path, carry, capsys
 def test_whole_numbers_of_floats_are_carried_with_a_word(tmp_path, carry, capsys, values, options, hinted):
     np.save(tmp_path / "v.npy", values)
     carry("v.npy", *options)
-    hint = "v.npy: whole numbers, carried as numbers; give --nearest if these are labels\n"
-    assert capsys.readouterr().out.endswith(hint) == hinted
+    hint = "qclearn: whole numbers, carried as numbers; give nearest=True (--nearest) if these are labels\n"
+    assert (capsys.readouterr().err == hint) == hinted
 
 
 def test_maps_of_one_file_keep_their_types(tmp_path, carry, capsys):

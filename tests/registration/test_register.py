@@ -14,9 +14,11 @@ from scipy.spatial.transform import Rotation
 
 import meshes
 from known_surfaces import grooved_sphere
+from meshes import random_disk
 from qclearn.plane.beltrami import beltrami_coefficient, solve_beltrami_disk
 from qclearn.plane.bijectivity import BijectivityError, check_bijective
 from qclearn.plane.disk import Disk
+from qclearn.plane.grids import polar_disk
 from qclearn.plane.mobius import best_mobius, compose_mobius, mobius
 from qclearn.registration import register as pipeline
 from qclearn.registration.curves import check_curves, detect_curves, sample_curve
@@ -400,3 +402,36 @@ def test_labels_are_carried_by_the_nearest_corner_and_must_be_one_a_vertex(turne
     np.testing.assert_array_equal(itself, np.arange(len(moving.vertices)))
     with pytest.raises(ValueError, match="5 values for 589 vertices: give one a vertex"):
         transfer(np.zeros(5), result.disk_control, control.faces, result.disk_map)
+
+
+def test_whole_numbers_are_not_blended_and_a_hint_tells_of_floats(turned):
+    result, moving, control, _ = turned
+    there = partial(transfer, z_from=result.disk_control, faces_from=control.faces, z_to=result.disk_map)
+    labels = np.arange(len(control.vertices)) % 3
+    for values in (labels, labels > 1, labels.astype(np.uint8), [None] * len(labels)):
+        with pytest.raises(ValueError, match=r"may be labels, .* nearest=True, or give values.astype\(float\)"):
+            there(values)
+        with pytest.raises(ValueError, match=r"sum needs amounts \(floats\), and faces_to"):
+            there(values, sum=True, faces_to=moving.faces)
+    with pytest.warns(UserWarning, match="whole numbers, carried as numbers; give nearest=True"):
+        there(np.where(labels, labels, np.nan))
+
+
+@pytest.mark.parametrize("rings", [14, 30, 7])
+def test_amounts_keep_their_sum_and_a_constant_density(pair, rings):
+    """From a mesh to a like, a finer and a coarser one, against what fine parts of faces fall to."""
+    at, to = Disk(*random_disk(0, 90)), Disk(*polar_disk(rings, 3 * rings))
+    a, A = (mesh.to_faces.T @ mesh.areas for mesh in (at, to))
+    there = partial(transfer, z_from=at.z, faces_from=at.faces, z_to=to.z, sum=True, faces_to=to.faces)
+    np.testing.assert_allclose(there(3 * a), 3 * A * a.sum() / A.sum(), rtol=1e-12)
+    density = np.exp(at.z.real + 2 * at.z.imag)
+    amounts = np.stack([a * density, a, -a * density], axis=1)
+    for nearest in (False, True):
+        np.testing.assert_allclose(there(amounts, nearest=nearest).sum(0), amounts.sum(0), rtol=1e-12)
+    wanted = A * np.exp(to.z.real + 2 * to.z.imag)
+    np.testing.assert_allclose(there(amounts[:, 0]), wanted, rtol=0.05)
+    itself = transfer(amounts, at.z, at.faces, at.z, sum=True, faces_to=at.faces)
+    np.testing.assert_allclose(itself, amounts, rtol=1e-12)
+    lost = np.where(np.arange(len(a)) == abs(at.z).argmin(), np.nan, a)
+    part, known = there(lost), there(np.nan_to_num(lost))
+    assert np.isnan(part).any() and np.array_equal(part, np.where(np.isnan(part), np.nan, known), equal_nan=True)
