@@ -28,7 +28,9 @@ HELD = {
 }
 # Options of dask, nbgrader and a study stand beside ours; commands and options add keys to a report.
 OPTIONS = {"--help", "--tls-ca-file", "--tls-cert", "--tls-key", "--left", "--Execute.timeout"}
-OPTIONS |= {option for command in cli.commands.values() for one in command.params for option in one.opts}
+OPTIONS |= {
+    option for command in cli.commands.values() for one in command.params for option in one.opts + one.secondary_opts
+}
 TARGETS = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)
 KEYS = REPORT | {"inputs", "landmarks", "versions", "command", "uncertainty", "curves"}
 # A name of ours -> whether it is there; a name of something else matches none.
