@@ -5,7 +5,9 @@
 Pairs are drawn from the two hemispheres of fsaverage5 (the right one mirrored) with the surfaces of
 --also, which carry curves of the same names, and from synthetic subjects, for which whole surfaces
 are made up that they were cut from. Four to eleven curves a pair, by their ends or whole, either
-method; or one or two, or the folds alone, the other curves held out. All are registered.
+method; or one or two, or the folds alone, the other curves held out; or one or two whose partner
+on the control is another curve. With one or two, every second case fits folds, too. All are
+registered.
 Writes qclearn/benchmark/results/suspect.json, every case with its values. A stopped run goes on at
 the commit that it began with.
 """
@@ -33,6 +35,7 @@ from qclearn.registration.diagnose import (
     diagnose_landmarks,
     given_hypothesis,
     order_hypotheses,
+    places_apart,
     rotation_contrast,
     surface_hypotheses,
     with_folds,
@@ -45,6 +48,7 @@ from .parts import Parts
 
 VERTICES, CASES = (3000, 20)  # of the synthetic subjects; of each mistake, and ten times as many good ones
 FEW, ALONE = (", one or two", ", folds alone")  # ends of kinds: with so few curves, the others held out
+PARTNERS = {"wrong partner, one": 1, "wrong partners, two": 2}  # how many curves
 # kind of case with a mistake -> the word that it is to be met by
 WORDS = {
     "mirrored": "mirror",
@@ -57,9 +61,14 @@ WORDS = {
     "mirrored" + FEW: "mirror",
     "whole numbers" + FEW: "numbering",
     "one reversed" + FEW: "reversed",
-}
-GOOD = {"good": 10 * CASES, "good" + FEW: 2 * CASES, "good" + ALONE: 2 * CASES}
-COUNTS = GOOD | dict.fromkeys(WORDS, CASES)
+} | dict.fromkeys(PARTNERS, "place")
+GOOD = {"good": 10 * CASES, "good" + FEW: 4 * CASES, "good" + ALONE: 2 * CASES}
+COUNTS = GOOD | dict.fromkeys(WORDS, CASES) | dict.fromkeys(PARTNERS, 2 * CASES)
+
+
+def is_few(kind):
+    """Whether a kind of case has one curve or two."""
+    return kind.endswith(FEW) or kind in PARTNERS
 
 
 def hemisphere(side, surface):
@@ -83,8 +92,9 @@ def draw(rng, groups, kind):
     names = rng.choice(sorted(group), 2, replace=False).tolist()
     moving, control = (group[name] for name in names)
     shared = [name for name in control.curves if name in moving.curves]
-    few, alone = kind.endswith(FEW), kind.endswith(ALONE)
+    few, alone = is_few(kind), kind.endswith(ALONE)
     count = rng.integers(1, 3) if few else 0 if alone else rng.integers(4, min(11, len(shared)) + 1)
+    count = PARTNERS.get(kind, count)
     chosen = rng.choice(shared, count, replace=False).tolist()
     whole = bool(rng.random() < 0.5)
 
@@ -112,6 +122,14 @@ def spoil(kind, rng, moving, control, curves):
     if kind == "two swapped":
         one, other = (curves[k] for k in picked)
         one["moving"], other["moving"] = other["moving"], one["moving"]
+    if kind.startswith("wrong partner"):
+        names = partners = [curve["name"] for curve in curves]
+        shared = [name for name in control.curves if name in moving.curves]
+        while any(name == partner for name, partner in zip(names, partners)):
+            partners = rng.choice(shared, len(names), replace=False)
+        for curve, partner in zip(curves, partners):
+            path = control.curves[partner]
+            curve["control"] = (path if len(curve["moving"]) > 2 else path[[0, -1]]).tolist()
     for curve in {"all reversed": curves, "one reversed": [curves[k] for k in picked[:1]]}.get(kind, []):
         curve["moving"].reverse()
     return moving, control
@@ -136,7 +154,11 @@ def folds_say(moving, control, entries, result):
     laid = align_by_folds(with_folds(SurfacePair(here, there, entries, [])))
     hand = laid.directions.mirrored_r - laid.directions.r
     case = {"hand": hand, "rotation_contrast": rotation_contrast(laid)}
-    return case | ({"hypotheses": hypotheses(laid)} if entries else {})
+    if entries:
+        places, limit = places_apart(laid)
+        case |= {"hypotheses": hypotheses(laid), "axes_r": laid.directions.r, "places": places, "place_limit": limit}
+        case |= {"place": max(degrees + diagnose.DOUBLING * more for degrees, more in places.values())}
+    return case
 
 
 def outcome(result, moving):
@@ -147,6 +169,7 @@ def outcome(result, moving):
     case = {
         "suspect": report["suspect"],
         "bijective": report["bijective"],
+        "log2_area": report["log2_area"][1],
         "rows": max(switched, default=0) / len(moving.vertices),
         "strong_area": moving.face_areas[abs(result.mu) > diagnose.LIMITS["strong_mu"]].sum() / moving.area,
     }
@@ -170,7 +193,7 @@ def measure(kind, number, groups):
     rng = np.random.default_rng([number, *kind.encode()])
     names, moving, control, curves = draw(rng, groups, kind)
     fitted = [curve for curve in curves if not curve["hold_out"]]
-    few, alone = kind.endswith(FEW), kind.endswith(ALONE)
+    few, alone = is_few(kind), kind.endswith(ALONE)
     moving, control = spoil(kind, rng, moving, control, fitted)
     method = ("exact", "network")[number % 2] if not (few or alone) else "exact"
     features = FOLDS if alone or (few and number % 2) else None

@@ -102,11 +102,13 @@ def register(
       numbering:   they fit much better as vertex numbers of the whole surface, before `open` cut it
       reversed:    a curve fits much better run from its other end
       swapped:     curves fit much better with each other's names
+      place:       one curve of one or two lies elsewhere on the two sides, by folds and axes in space
       walls:       the two medial walls were cut by different rules, and one of the following holds
       error:       the landmarks end over 3 mm from their targets, and most of it was there before
       curve:       one curve ends over 5 mm from its target, and five times as far as the median one
       rows:        the map folded, and was repaired at more than 0.5 % of the vertices
       distortion:  |mu| is over 0.9 on more than 1 % of the surface
+      areas:       they change over 32-fold on 5 % of the surface, by one curve alone over 256-fold
       features:    those of the two sides hardly agree, have opposite signs, or lead far from places in space
       worse:       a held-out curve fits clearly worse than after the best Möbius map
       units:       a surface has the length of a hemisphere in metres or micrometres: give --units

@@ -3,7 +3,8 @@
 `diagnose_landmarks` compares the curves' ends after the best Möbius map with how they would lie
 under another `LandmarkHypothesis`: curves swapped or reversed, a mirrored surface, surfaces
 exchanged, another numbering. Fewer than three curves do not determine a Möbius map, so the
-features align the disks. `reasons`, `disagreeing`, `astray` and `worse` judge the map. LIMITS are
+features align the disks. `out_of_place` judges one or two curves, `reasons`,
+`disagreeing`, `astray` and `worse` the map. LIMITS are
 thresholds beside what was measured (book/studies/suspect.py): good | with the mistake.
 """
 
@@ -28,6 +29,10 @@ LIMITS = {
     "rows": 0.005,  # rows switched, per vertex; 0 to 0.004 | 0 to 0.99
     "strong_mu": 0.9,  # what counts as strong distortion
     "strong_area": 0.01,  # share of the moving surface's area above that; 0 to 0.0013 | 0 to 0.70
+    # |log2| of the ratio of areas, 95 %, of a map by two curves or more, or by folds; 0.5 to 3.7 |
+    # 0.5 to 13.
+    "log2_area": 5.0,
+    "log2_area_alone": 8.0,  # the same by one curve alone; 0.8 to 6.2 | 0.7 to 13
     # Misfit of the curves that another hypothesis changes, over that as given; 1.2 to 44 | 0.013
     # to 0.34.
     "better": 0.75,
@@ -40,12 +45,19 @@ LIMITS = {
     # The folds' correlation after the best Möbius map less that after a quarter or half turn more.
     # Below this, folds judge no curve. Right pairs: 0.35 to 0.89.
     "rotation_contrast": 0.35,
+    # Degrees between a curve's ends and their targets, and DOUBLING per doubling of its length, of
+    # fewer than three curves; 1 to 41 | 6 to 200, under the limit one in twenty.
+    "place": 44.0,
+    # The folds' correlation by axes in space. Below this, axes judge no curve; 0.43 to 0.85 | 0.09
+    # to 0.37 where one side is turned.
+    "axes_r": 0.4,
     # Rise of the held-out curves' mean distance, with the next; -0.91 to 0.86 | -0.85 to 2.5.
     "worse": 0.1,
     "worse_mm": 0.5,  # the same in mm; -15 to 3.4 | -14 to 15
     # The same of one curve, with 0.1 of its distance before; -13 to 18 | -9.3 to 42.
     "worse_curve_mm": 10.0,
 }
+DOUBLING = 20.0  # degrees that a curve of twice the length on one side counts
 ROUNDING = 1e-9  # in the disk: a misfit of this size is none
 
 # Curves. With fewer, a Möbius map fits wrong ends as well as right ones.
@@ -95,7 +107,7 @@ class LandmarkHypothesis:
 
 def diagnose_landmarks(pair):
     """Messages on mistakes in surfaces and landmarks that explain folds or curves' ends much better
-    than as given."""
+    than as given, and on one or two curves out of place."""
     if len(pair.curves) >= FEWEST:
         return diagnose_ends(pair)
     # Too few curves: the folds and places in space judge the hand, and the folds lay the disks on
@@ -115,9 +127,10 @@ def diagnose_landmarks(pair):
     if hemispheres and r > max(directions.r + LIMITS["hand"], LEAST_R):
         return [f"mirror: the folds fit {what} much better; {advice}"]
     if pair.curves:
-        aligned = align_by_folds(pair)
+        aligned, messages = align_by_folds(pair), []
         if rotation_contrast(aligned) > LIMITS["rotation_contrast"]:
-            return diagnose_ends(aligned)
+            messages = diagnose_ends(aligned)
+        return messages or ([*out_of_place(aligned)] if hemispheres else [])
     return []
 
 
@@ -145,6 +158,47 @@ def rotation_contrast(aligned):
         aligned.features.correlation(turn * z, SCALE).mean() for turn in (1, 1j, -1, -1j)
     )
     return float(given - max(turned))
+
+
+def out_of_place(aligned):
+    """`place:` for curves of a pair aligned by its features that lie elsewhere on the two sides."""
+    curves, limit = places_apart(aligned)
+    for name, (degrees, doublings) in curves.items():
+        if degrees + DOUBLING * doublings > limit:
+            yield (
+                f"place: the sides of {name!r} lie {degrees:.0f} degrees apart, from the middle of "
+                f"the brain, and one is {2**doublings:.1f} times as long; check that the name means "
+                "the same sulcus on both, give more curves, or turn the surfaces alike in space"
+            )
+
+
+def places_apart(aligned):
+    """Curve -> (degrees, doublings), the mean angle on crude spheres between its ends and their
+    targets and |log2| of the ratio of its lengths (of ends, over the hemisphere's); and the limit
+    of degrees + DOUBLING doublings. An aligned pair's features lead the ends to the control. Unless
+    they agree as well as SURE_R, axes in space may explain the angle, too, if they agree."""
+    (here, there), disk, z = aligned.directions.spheres, aligned.control.disk, aligned.moving.disk.z
+    sure = aligned.features.correlation(z, SCALE).mean() > SURE_R
+    limit = LIMITS["place"] if aligned.directions.r > LIMITS["axes_r"] else np.inf
+    curves = {}
+    for curve in aligned.curves:
+        p, q = (curve.path(side)[[0, -1]] for side in SIDES)
+        ways = [disk.interpolate(there, disk.locate(z[p])), *([] if sure else [here[p]])]
+        degrees = min(between(places, there[q]).mean() for places in ways)
+        surfaces = (getattr(aligned, side).surface for side in SIDES)
+        lengths = [
+            np.linalg.norm(np.subtract(*surface.vertices[ends])) / size_of(surface).length
+            for surface, ends in zip(surfaces, (p, q))
+        ]
+        doublings = abs(np.subtract(*np.log2(np.maximum(lengths, ROUNDING))))
+        curves[curve.name] = float(degrees), float(doublings)
+    return curves, ASTRAY if sure else limit
+
+
+def between(places, there):
+    """Degrees between places within the unit sphere (k, 3) and on it (k, 3)."""
+    cosines = (places * there).sum(1) / np.maximum(np.linalg.norm(places, axis=1), ROUNDING)
+    return np.degrees(np.arccos(np.clip(cosines, -1, 1)))
 
 
 def diagnose_ends(pair):
@@ -316,9 +370,10 @@ def differing_walls(moving, control):
         )
 
 
-def reasons(moving, rows, fit):
+def reasons(moving, rows, fit, log2_area, folds):
     """Why the `CheckedMap` of a moving surface, rows from `error_rows`, is suspect, messages:
-    `error:`, `curve:`, `rows:` and `distortion:`."""
+    `error:`, `curve:`, `rows:`, `distortion:` and `areas:`. log2_area: the 95 % of it; folds:
+    whether features were fitted."""
     # The map leaves the landmarks far from their targets.
     errors = np.array([row["landmark_error_mm"] for row in rows])
     if rows:
@@ -377,6 +432,13 @@ def reasons(moving, rows, fit):
             "surface; check the curves, or lower gamma"
         )
 
+    # Areas change as no right map changes them.
+    if log2_area > LIMITS["log2_area_alone" if len(rows) == 1 and not folds else "log2_area"]:
+        yield (
+            f"areas: on 5 % of the moving surface they change over {2**log2_area:.0f}-fold; check "
+            "that each name means the same curve on both sides, or give more curves"
+        )
+
 
 def disagreeing(features, f, fitted, walls=()):
     """`features:` where the `Features` of both sides are of opposite sign after a Möbius map f
@@ -412,9 +474,7 @@ def astray(pair, f):
     its place in space, and the folds do not agree so well that this place is to blame."""
     here, there = pair.directions.spheres
     disk, features = pair.control.disk, pair.features
-    there = disk.interpolate(there, disk.locate(f))
-    cosines = (here * there).sum(1) / np.maximum(np.linalg.norm(there, axis=1), ROUNDING)
-    degrees = np.degrees(features.areas @ np.arccos(np.clip(cosines, -1, 1)))
+    degrees = features.areas @ between(disk.interpolate(there, disk.locate(f)), here)
     r = features.correlation(f, SCALE).mean()
     if degrees > ASTRAY and r < SURE_R:
         yield (

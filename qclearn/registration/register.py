@@ -128,8 +128,8 @@ def register(
     (uncertainty.py): `result.uncertainty` and `report["uncertainty"]`.
     sliding: inner points of a curve may move along their target curve. progress: show a bar.
     accept_suspect: fit wrong landmarks, too. By default landmarks that are swapped, reversed,
-    mirrored, exchanged or of another numbering are reported before the fit, and the result is the
-    aligned map (`report["stopped"]`).
+    mirrored, exchanged, of another numbering or place are reported before the fit, and the result
+    is the aligned map (`report["stopped"]`).
 
     Lengths in the report are in mm, also of surfaces in metres or micrometres, which are suspect.
     Where the control is as long as no hemisphere, they are relative to its length

@@ -69,7 +69,8 @@ def report_of(pair, weights, fit, points, wrong, stopped):
     messages = [*walls, *repaired, *pair.messages]
     suspect = [*wrong, *other_units(moving=moving, control=pair.control.surface)]
     if not stopped:
-        doubts = [*reasons(moving, rows, fit), *disagreements, *worse(held_out)]
+        found = reasons(moving, rows, fit, distortion["log2_area"]["95"], bool(features))
+        doubts = [*found, *disagreements, *worse(held_out)]
         suspect += [*walls, *doubts] if doubts else []  # the likely cause of all of them first
     return {
         **means,
