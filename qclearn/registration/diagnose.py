@@ -3,9 +3,9 @@
 `diagnose_landmarks` compares the curves' ends after the best Möbius map with how they would lie
 under another `LandmarkHypothesis`: curves swapped or reversed, a mirrored surface, surfaces
 exchanged, another numbering. Fewer than three curves do not determine a Möbius map, so the
-features align the disks. `out_of_place` judges one or two curves, `reasons`,
-`disagreeing`, `astray` and `worse` the map. LIMITS are
-thresholds beside what was measured (book/studies/suspect.py): good | with the mistake.
+features align the disks. `out_of_place` judges one or two curves, `reasons`, `disagreeing`,
+`astray` and `worse` the map. LIMITS are thresholds beside what was measured
+(book/studies/suspect.py): good | with the mistake.
 """
 
 from dataclasses import dataclass, replace
@@ -174,9 +174,9 @@ def out_of_place(aligned):
 
 def places_apart(aligned):
     """Curve -> (degrees, doublings), the mean angle on crude spheres between its ends and their
-    targets and |log2| of the ratio of its lengths (of ends, over the hemisphere's); and the limit
-    of degrees + DOUBLING doublings. An aligned pair's features lead the ends to the control. Unless
-    they agree as well as SURE_R, axes in space may explain the angle, too, if they agree."""
+    targets and |log2| of the ratio of its lengths, over the hemisphere's; and the limit of degrees
+    + DOUBLING doublings. The angle is that by folds or by axes in space, whichever is less, or that
+    by folds where these are sure. Axes in space that do not agree judge nothing."""
     (here, there), disk, z = aligned.directions.spheres, aligned.control.disk, aligned.moving.disk.z
     sure = aligned.features.correlation(z, SCALE).mean() > SURE_R
     limit = LIMITS["place"] if aligned.directions.r > LIMITS["axes_r"] else np.inf
@@ -185,10 +185,9 @@ def places_apart(aligned):
         p, q = (curve.path(side)[[0, -1]] for side in SIDES)
         ways = [disk.interpolate(there, disk.locate(z[p])), *([] if sure else [here[p]])]
         degrees = min(between(places, there[q]).mean() for places in ways)
-        surfaces = (getattr(aligned, side).surface for side in SIDES)
         lengths = [
             np.linalg.norm(np.subtract(*surface.vertices[ends])) / size_of(surface).length
-            for surface, ends in zip(surfaces, (p, q))
+            for surface, ends in ((aligned.moving.surface, p), (aligned.control.surface, q))
         ]
         doublings = abs(np.subtract(*np.log2(np.maximum(lengths, ROUNDING))))
         curves[curve.name] = float(degrees), float(doublings)
