@@ -1,20 +1,18 @@
 """Pages of `qclearn report` in a browser, from files: silent, without a request, readable, and
 moved by keys."""
 
-import base64
-import io
 import json
 import re
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from PIL import Image
 from view import NARROW, NO_WEBGL, WIDE, View
 
 from meshes import bowl
 from qclearn.cli import main
 from qclearn.io.meshes import write_surface
+from reports import drawn
 
 pytestmark = pytest.mark.xdist_group("reports")
 TURNED = [{"name": "east", "moving": list(range(1, 145, 24)), "control": list(range(2, 146, 24))}]
@@ -89,14 +87,9 @@ def test_before_and_after_take_each_others_place(view):
 
 def test_the_surface_is_turned_and_its_map_changed_by_keys_and_mouse(view):
     canvas, seen = view.page.locator("canvas"), [picture(view)]
-    leaning = []  # how much lighter a picture is on its right side
-    for shown in (seen[0], view.page.locator(".stack img").nth(2).get_attribute("src")):  # both after registration
-        pixels = np.asarray(Image.open(io.BytesIO(base64.b64decode(shown.split(",")[1]))))
-        drawn = pixels[..., 3] > 0
-        rows, columns = np.nonzero(drawn)
-        assert not (drawn[[0, -1]].any() or drawn[:, [0, -1]].any()) and np.ptp(rows) > 0.9 * len(drawn)
-        leaning.append(np.corrcoef(columns, pixels[drawn, 0])[0, 1])
-    assert min(leaning) > 0.3 and np.ptp(leaning) < 0.02
+    shown = seen[0], view.page.locator(".stack img").nth(2).get_attribute("src")  # both after registration
+    to_right = [np.corrcoef(light, places)[0, 2] for light, places in map(drawn, shown)]
+    assert min(to_right) > 0.3 and np.ptp(to_right) < 0.02
     canvas.focus()
     for key in ("ArrowRight", "ArrowDown", "+"):
         view.page.keyboard.press(key)
