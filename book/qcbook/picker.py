@@ -20,7 +20,7 @@ from qclearn.registration.curves import OTHER_SIDE, SIDES, check_curves, fundus_
 from qclearn.registration.problem import LandmarkError
 from qclearn.surfaces.checks import counted
 from qclearn.surfaces.curvature import mean_curvature
-from qclearn.surfaces.surface import Surface
+from qclearn.surfaces.surface import Surface, require_surface
 
 from .live import MODULES
 
@@ -125,6 +125,8 @@ class LandmarkPicker(anywidget.AnyWidget):
     def __init__(self, moving, control, path="landmarks.json", shown=(None, None)):
         self.path, self.picks = Path(path).absolute(), []
         self.surfaces = {"moving": moving, "control": control}
+        for surface in (moving, control):
+            require_surface(surface)
         self.known, self.read = None, {"curves": []}  # the file's bytes and what they hold
         if self.path.exists():
             contents = read_landmarks(self.path)

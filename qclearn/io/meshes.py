@@ -11,7 +11,7 @@ from numpy import ndarray
 
 from ..moved import GONE, gone
 from ..plane.checks import unmasked
-from ..surfaces.surface import Mesh, Surface, SurfaceError
+from ..surfaces.surface import Mesh, Surface, SurfaceError, require_surface
 from ..surfaces.units import UNITS, size_of
 from . import foreign, gifti, meshformats, safe
 from .frames import TKR, Frame, agreed_side, frame_of_text, kind_of_name, side_of_name, sound_volume
@@ -111,6 +111,7 @@ def write_surface(
     FreeSurfer's coordinates become the scanner's in GIFTI, and its own again in its own format.
     SurfaceError: unknown format, or a folder not writable.
     """
+    require_surface(surface, Mesh)
     path = Path(path)
     frame = frame or Frame()
     suffix = suffix_of(path)

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Real
 from numpy import ndarray
 
 from ..plane.checks import unmasked
-from ..surfaces.surface import Mesh, Surface, SurfaceError
+from ..surfaces.surface import Mesh, Surface, SurfaceError, require_surface
 from . import annotations, foreign, gifti
 from .frames import agreed_side, side_of_name
 from .meshes import is_freesurfer_name, suffix_of
@@ -47,6 +47,7 @@ def read_mask(path: str | Path, surface: Surface | Mesh, keep: bool = False) -> 
     what to keep (lh.cortex.label, thickness). SurfaceError, also for an .annot, and for more than
     half of the vertices without keep.
     """
+    require_surface(surface, Mesh)
     path = Path(path)
     n_vertices = len(surface.vertices)
     other = f"the surface has {n_vertices} vertices: take the file that belongs to this surface, or copy it again"

@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import dijkstra
 from ..io.safe import NOT_PLAIN, is_plain_name, read_bytes
 from ..plane.checks import unmasked
 from ..surfaces.curvature import mean_curvature, sulcal_depth
-from ..surfaces.surface import Mesh, Surface, SurfaceError
+from ..surfaces.surface import Mesh, Surface, SurfaceError, require_surface
 from .problem import LandmarkError
 
 SIDES = ("moving", "control")
@@ -103,6 +103,7 @@ def equally_spaced(points, count):
 
 def check_path(surface, path):
     """A vertex path as integers, or LandmarkError."""
+    require_surface(surface, Mesh)
     unmasked(path, "a curve", LandmarkError)
     try:
         path = np.asarray(path)
@@ -262,7 +263,8 @@ def check_curves(curves, moving, control, fewest=1):
         curves = curves["curves"]
     if not isinstance(curves, (list, tuple)) or len(curves) < fewest:
         raise LandmarkError(
-            'landmarks hold no curves: give at least one {"name", "moving", "control"}'
+            'landmarks hold no curves: give at least one {"name", "moving", "control"}, of a file '
+            "json.load(open(path))"
         )
     surfaces = {"moving": moving, "control": control}
     checked = []
@@ -275,9 +277,9 @@ def check_curves(curves, moving, control, fewest=1):
                 "hold_out"
             )
         name = entry["name"]
-        detect = entry.get("detect", True)
-        hold_out = entry.get("hold_out", False)
-        if not (isinstance(name, str) and isinstance(detect, bool) and isinstance(hold_out, bool)):
+        detect, hold_out = entry.get("detect", True), entry.get("hold_out", False)
+        switches = isinstance(detect, bool | np.bool_) and isinstance(hold_out, bool | np.bool_)
+        if not (isinstance(name, str) and switches):
             raise LandmarkError(
                 f"curve {number}: name must be text, and detect and hold_out true or false"
             )
@@ -290,8 +292,8 @@ def check_curves(curves, moving, control, fewest=1):
                 hint = _other_numbers(entry[side], surface, other, surfaces[other])
                 raise LandmarkError(f"curve {name!r}, {side} side: {error}{hint}") from None
         # Two vertices are a path's ends, unless the file says that they are the path.
-        by_side = {side: detect and len(path) == 2 for side, path in paths.items()}
-        checked.append(Curve(name, **paths, detect=by_side, hold_out=hold_out))
+        by_side = {side: bool(detect and len(path) == 2) for side, path in paths.items()}
+        checked.append(Curve(name, **paths, detect=by_side, hold_out=bool(hold_out)))
     names = [curve.name for curve in checked]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:

@@ -50,6 +50,7 @@ class Weights:
             positive = name in ("alpha", "gamma")
             if not (is_finite(value) and (value > 0 if positive else value >= 0)):
                 raise LandmarkError(f"{name} = {value!r}: {rules.get(name, rule)}")
+            vars(self)[name] = float(value)  # reports are JSON, which knows no numbers of NumPy
 
     @property
     def factors(self):

@@ -242,7 +242,7 @@ def check_options(method, sliding, tolerance, features, weights, delta, eta, unc
         )
     if method == "network" and sliding:
         raise ValueError("sliding belongs to method 'exact': CP-Net takes points to points")
-    tolerance = TOLERANCE if tolerance is None else tolerance
+    tolerance = TOLERANCE if tolerance is None else float(tolerance)
     if not tolerance > 0:
         raise ValueError(
             f"tolerance = {tolerance}: give a positive landmark error in the unit disk, or inf"

@@ -15,7 +15,7 @@ from ..plane.linear import Dirichlet, corner_angles, edge_lengths
 from ..plane.mobius import centring_mobius, mobius
 from ..plane.solver import FreeBoundary
 from .fingers import SMALLEST, find_fingers, finger_message, opened_rows, uniform_matrix
-from .surface import Surface, SurfaceError, require_disk
+from .surface import Surface, SurfaceError, require_disk, require_surface
 
 
 def disk_conformal_map(surface: Surface) -> Complex[ndarray, " V"]:
@@ -110,6 +110,7 @@ def _centre_and_unfold(surface, matrix, share, f):
 
 def angle_distortion(surface: Surface, z: Complex[ndarray, " V"]) -> Float[ndarray, " F 3"]:
     """Angles in the disk minus angles on the surface, in degrees: column k at `faces[:, k]`."""
+    require_surface(surface)
     angles = corner_angles(edge_lengths(z[surface.faces]))
     return np.degrees(angles - corner_angles(surface.edge_lengths))
 

@@ -15,7 +15,7 @@ from ..plane.checks import read_only
 from ..plane.disk import Disk
 from ..plane.grids import pixel_centres
 from ..plane.linear import LARGE, middles
-from .surface import Surface, SurfaceError, closing_fans
+from .surface import Surface, SurfaceError, closing_fans, require_surface
 
 # In units of sqrt(area of the convex hull): the radius of the ball that closes the sulci, and the
 # side of a voxel.
@@ -30,6 +30,7 @@ def _once(function):
 
     @wraps(function)
     def cached(surface):
+        require_surface(surface)
         if surface not in values:
             values[surface] = read_only(function(surface))
         return values[surface]
@@ -195,6 +196,7 @@ def curvature_image(
     them mean curvature as `grey_levels`, 0 (sulci) to 255 (gyri). Source: paper, section 'Landmark
     Detection'; the radius is ours.
     """
+    require_surface(surface)
     if values is None:
         values = grey_levels(mean_curvature(surface), surface.vertex_areas)
     radius = area_radius(surface, z)

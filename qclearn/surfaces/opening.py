@@ -7,7 +7,7 @@ from jaxtyping import Bool, Integer
 from numpy import ndarray
 
 from .checks import LARGEST, check_shapes, check_topology, components, unmasked, vertex_array
-from .surface import Mesh, Surface, SurfaceError, places_of, require_disk
+from .surface import Mesh, Surface, SurfaceError, places_of, require_disk, require_surface
 
 
 def open_surface(
@@ -26,8 +26,9 @@ def open_surface(
 
     surface: also a tuple (vertices, faces), whose largest part cut away may have any faults.
     """
-    if not isinstance(surface, Surface):
+    if isinstance(surface, (tuple, list)):
         surface = Mesh.of(*surface)
+    require_surface(surface, Mesh)
     mask = _checked_mask(surface, mask)
     cut = mask[surface.faces].any(axis=1)
     if not isinstance(surface, Surface):

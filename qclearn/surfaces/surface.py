@@ -4,6 +4,7 @@ and cotangent matrix. Then what a method needs of it: a disk, outward faces, its
 import hashlib
 from collections.abc import Mapping
 from functools import cached_property
+from os import PathLike
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -139,6 +140,13 @@ class Surface:
         """A pickle has no matrix and no lengths: they are made again where they are needed."""
         return {k: v for k, v in vars(self).items() if k not in ("stiffness", "edge_lengths")}
 
+    def __setstate__(self, state):
+        """Pickles and deep copies keep the arrays, and not that they are read-only."""
+        vars(self).update(state)
+        for array in (*state.values(), *self.curves.values(), *state.get("boundary_loops", ())):
+            if isinstance(array, ndarray):
+                array.flags.writeable = False
+
     @property
     def area(self) -> float:
         """Total area."""
@@ -193,6 +201,17 @@ class Mesh(NamedTuple):
         return mesh._replace(vertices=self.vertices[used], original_vertices=numbers)
 
 
+def require_surface(surface, *others):
+    """SurfaceError unless it is a `Surface`, or of other classes: a path, or arrays, for example."""
+    if not isinstance(surface, (Surface, *others)):
+        is_path = isinstance(surface, (str, bytes, PathLike))
+        given = repr(surface) if is_path else f"an object of the type {type(surface).__name__}"
+        raise SurfaceError(
+            f"a surface is needed, not {given:.200}; give read_surface(path) for a file, or "
+            "Surface(vertices, faces) for arrays"
+        )
+
+
 def places_of(numbers, table):
     """Where numbers (n, ...) stand in a table (V,) of different ones, -1 for those it lacks."""
     places = np.full(max(table.max(), numbers.max()) + 1, -1)
@@ -214,6 +233,7 @@ def closing_fans(surface):
 def require_disk(surface: Surface) -> None:
     """SurfaceError unless the surface is a topological disk: one boundary loop and Euler
     characteristic 1."""
+    require_surface(surface)
     _ = surface.boundary  # one loop
     if surface.euler_characteristic != 1:
         handles = (1 - surface.euler_characteristic) // 2
@@ -228,6 +248,7 @@ def require_disk(surface: Surface) -> None:
 
 def require_outward(surface: Surface) -> None:
     """SurfaceError unless the faces look outward: positive `volume`, beyond rounding."""
+    require_surface(surface)
     if abs(surface.volume) <= 1e-12 * surface.area**1.5:
         raise SurfaceError(
             "the surface encloses no volume (it lies in a plane), so its orientation cannot be "
@@ -242,6 +263,7 @@ def require_outward(surface: Surface) -> None:
 
 def mirror(surface: Surface) -> Surface:
     """The surface with x negated and every face reversed: outward stays outward, indices stay."""
+    require_surface(surface)
     vertices = surface.vertices * [-1.0, 1.0, 1.0]
     return Surface(vertices, surface.faces[:, ::-1], surface.curves, surface.original_vertices)
 

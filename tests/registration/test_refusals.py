@@ -73,6 +73,7 @@ ENDS = [{"moving": [RIM + k, RIM + k + 20], "control": [RIM + k, RIM + k + 1]} f
 EDGES = [EDGE | {"name": f"{k}", **ends} for k, ends in enumerate(ENDS)]
 CURVES = [
     *[("hold no curves", none) for none in ([], None, {"curves": []}, {"curves": "a"})],
+    ("json.load", "curves.json"),
     ("one key 'curves'; found", {}),
     (r"one key 'curves'; found \['curve'\]", {"curve": [CURVE]}),
     (r"found \['curves', 'version'\]", {"curves": [CURVE], "version": 1}),

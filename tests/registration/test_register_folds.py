@@ -31,7 +31,7 @@ def off(result):
 
 def test_features_carry_the_curves_that_were_held_out_and_the_report_tells_it():
     """One curve fitted, two held out: by landmarks alone and with features, at the same gamma."""
-    options = {"gamma": 1e2, "delta": 1.0, "hold_out": ["spoke 1", "spoke 2"]}
+    options = {"gamma": np.int64(100), "delta": np.float32(1), "hold_out": ["spoke 1", "spoke 2"]}
     pairs = [register(MOVING, CONTROL, entries(0), features=features, **options) for features in (None, FEATURES)]
     alone, hybrid = (np.array(list(result.report["held_out_mm"].values())) for result in pairs)
     np.testing.assert_allclose(alone[:, 0], hybrid[:, 0])  # of the same Möbius map
@@ -50,7 +50,9 @@ def test_features_carry_the_curves_that_were_held_out_and_the_report_tells_it():
 def test_curves_are_held_out_by_name_or_in_the_file():
     """And a text is one name."""
     held = ["spoke 1", "spoke 2"]
-    marked = check_curves([entry | {"hold_out": entry["name"] in held} for entry in entries(0)], MOVING, CONTROL)
+    marked = check_curves(
+        [entry | {"hold_out": np.bool_(entry["name"] in held)} for entry in entries(0)], MOVING, CONTROL
+    )
     plain = check_curves(entries(0), MOVING, CONTROL)
     for curves, names in ((marked, ()), (plain, held), (plain, "spoke 1")):
         fitted, apart = held_apart(curves, names)

@@ -1,6 +1,10 @@
 """The checked surface: what is stored, its measures and boundary, and one error for each way not to be a surface."""
 
+import copy
+import inspect
+import pickle
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +13,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+import qclearn as qc
 from known_surfaces import grid, torus_mesh, with_seam
 from operations import lines_run
 from qclearn.surfaces.surface import Mesh, Surface, SurfaceError, mirror, require_disk, require_outward
@@ -32,9 +37,24 @@ def test_arrays_are_stored_as_promised_and_cannot_be_changed():
     assert surface.vertices.dtype == np.float64 and surface.faces.dtype == surface.curves["ridge"].dtype == np.int64
     vertices[0] = 7
     np.testing.assert_array_equal(surface.vertices, TETRAHEDRON)
-    for array in (surface.vertices, surface.faces, surface.edges, surface.edge_faces, surface.curves["ridge"]):
-        with pytest.raises(ValueError, match="read-only"):
-            array[0] = 0
+    for kept in (surface, pickle.loads(pickle.dumps(surface)), copy.copy(surface), copy.deepcopy(surface)):
+        for array in (kept.vertices, kept.faces, kept.edges, kept.edge_faces, kept.curves["ridge"]):
+            with pytest.raises(ValueError, match="read-only"):
+                array[0] = 0
+
+
+PUBLIC = filter(inspect.isfunction, (getattr(qc, name) for name in qc.__all__))
+TAKERS = [function for function in PUBLIC if "Surface" in str(inspect.signature(function).parameters)]
+
+
+@pytest.mark.parametrize("function", TAKERS)
+def test_a_path_or_arrays_in_place_of_a_surface_are_told_how_to_make_one(function):
+    needed = {k: p.annotation for k, p in inspect.signature(function).parameters.items() if p.default is p.empty}
+    for name in [name for name, kind in needed.items() if "Surface" in str(kind)]:
+        others = {key: Surface(TETRAHEDRON, OUTWARD[1:]) if key == "moving" else None for key in needed}
+        for given in ("lh.pial", Path("lh.pial"), (TETRAHEDRON, OUTWARD))[: 2 if function is qc.open_surface else 3]:
+            with pytest.raises(SurfaceError, match=r"needed, not .*(tuple|lh.pial).*read_surface.*Surface\("):
+                function(**others | {name: given})
 
 
 def test_edges_and_their_faces():
