@@ -7,6 +7,7 @@ from pathlib import Path
 import nibabel
 import numpy as np
 from jaxtyping import Integer
+from nibabel.gifti import GiftiCoordSystem
 from numpy import ndarray
 
 from ..moved import GONE, gone
@@ -91,7 +92,8 @@ def frame_of(path):
             return replace(frame, side=side, kind=frame.kind or named.kind)
         if foreign.freesurfer_kind(data) == foreign.SURFACE:
             volume = _volume_of(_freesurfer_parts(data)[2])
-            return replace(named, space=TKR if volume else None, volume=volume)
+            space = GiftiCoordSystem(1, 1) if is_flagged(volume) else TKR if volume else None
+            return replace(named, space=space, volume=volume)
     return named
 
 
@@ -138,11 +140,15 @@ def write_surface(
         elif suffix in _WRITERS:
             place.write_bytes(_WRITERS[suffix](surface))
         else:
-            vertices = surface.vertices
-            if frame.volume and frame.in_scanner:
+            vertices, volume, flag = surface.vertices, frame.volume, is_flagged(frame.volume)
+            if volume and frame.in_scanner and not flag:
                 vertices = frame.to_tkr(vertices)
-            stamp = {"create_stamp": "created by qclearn", "volume_info": frame.volume}
+            volume = volume | {"head": [2, 0, 20]} if flag else volume
+            stamp = {"create_stamp": "created by qclearn", "volume_info": volume}
             nibabel.freesurfer.write_geometry(place, vertices, surface.faces, **stamp)
+            if flag:  # which nibabel does not write
+                start, end, rest = place.read_bytes().rpartition(b"\0\0\0\x14valid")
+                place.write_bytes(start[:-1] + b"\1" + end + rest)
 
     last = path.suffix.lower()
     freesurfer = last in _FREESURFER_SUFFIXES or is_freesurfer_name(path, last)
@@ -215,12 +221,18 @@ def _freesurfer_parts(data):
     return vertices, faces.astype(np.int64), counts[0][start + faces.nbytes :]
 
 
+def is_flagged(volume):
+    """Whether FreeSurfer's geometry says that coordinates are the scanner's (useRealRAS), as
+    mris_convert --to-scanner writes it."""
+    return volume is not None and volume["head"][:2] == [2, 1]
+
+
 def _volume_of(footer):
     """The volume geometry behind FreeSurfer's faces, or None; FormatError where it is incomplete.
 
     Its path may have any letters, = among them.
     """
-    head = re.match(b"(\0\0\0\2\0\0\0\0)?\0\0\0\x14", footer)
+    head = re.match(b"(\0\0\0\2\0\0\0[\0\1])?\0\0\0\x14", footer)
     if head is None:
         return None
     rows = footer[head.end() :].split(b"\n")[: len(_VOLUME_KEYS)]

@@ -8,7 +8,6 @@ from xml.dom import minidom
 import nibabel
 import numpy as np
 import pytest
-from nilearn.surface import load_surf_mesh
 
 from freesurfer import GEOMETRY
 from known_surfaces import grid
@@ -58,30 +57,6 @@ def whole(tmp_path):
     path = tmp_path / "lh.pial"
     nibabel.freesurfer.write_geometry(path, FLAT.vertices, FLAT.faces, volume_info=GEOMETRY)
     return path, read_surface(path).vertices
-
-
-@pytest.mark.parametrize("steps", [
-    ["lh.open"], ["a.surf.gii", "lh.back"], ["a.npz", "lh.back"], ["a.npz", "b.surf.gii.gz", "c.npz", "lh.back"],
-])  # fmt: skip
-def test_coordinates_and_volume_geometry_go_through_every_format(tmp_path, whole, steps):
-    """nilearn's coordinates and FreeSurfer's header stay; mris_convert --to-scanner writes the same
-    words."""
-    path, tkr = whole
-    for name in steps:
-        write_surface(tmp_path / name, read_surface(path), frame=frame_of(path))
-        path = tmp_path / name
-        frame = frame_of(path)
-        assert frame.side == "left" and frame.volume["cras"] == GEOMETRY["cras"]
-        assert name.startswith("lh.") or frame.kind == "Pial"
-        if ".gii" in name:
-            points = nibabel.load(path).get_arrays_from_intent("NIFTI_INTENT_POINTSET")[0]
-            assert nibabel.nifti1.xform_codes.label[points.coordsys.dataspace] == "scanner"
-            np.testing.assert_allclose(load_surf_mesh(path).coordinates, tkr + GEOMETRY["cras"], atol=1e-5)
-            assert float(points.meta["VolGeomC_A"]) == 12.25 and points.meta["VolGeomFname"] == "orig.mgz"
-    vertices, _, header = nibabel.freesurfer.read_geometry(path, read_metadata=True)
-    np.testing.assert_allclose(vertices, tkr, atol=1e-5)
-    for key, value in GEOMETRY.items():
-        np.testing.assert_array_equal(header[key], value)
 
 
 def test_a_volume_that_lies_askew_is_laid_on_the_scanner_too(tmp_path):
