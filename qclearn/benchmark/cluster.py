@@ -88,8 +88,11 @@ def finished(client, tasks, methods, grown, limit):
         if method is METHODS.get(run.method):
             future = client.submit(trial, pairs[spec], run, method, pure=False)
         else:
-            sent = cloudpickle.dumps(method)
-            future = client.submit(isolated_trial, pairs[spec], run, sent, limit, pure=False)
+            try:
+                sent = isolated_trial, pairs[spec], run, cloudpickle.dumps(method), limit
+            except Exception as error:  # it holds a lock or an open file
+                sent = failed, f"the method cannot be sent to a process of its own: {error}"
+            future = client.submit(*sent, pure=False)
         futures[future] = spec, run
     pairs.clear()  # from here on a problem stays on the workers as long as its tasks need it
     for future in as_completed(list(futures)):

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from threadpoolctl import threadpool_limits
 
+from ..io.safe import printable
 from ..plane.bijectivity import RepairWarning
 from ..plane.checks import unmasked
 from ..plane.disk import Disk
@@ -70,7 +71,7 @@ def trial(pair, run, method):
 def failed(error):
     """The figures of a row that failed, by its exception or a message."""
     kind = f"{type(error).__name__}: " if isinstance(error, BaseException) else ""
-    return {"status": "failed", "message": f"{kind}{error}"}
+    return {"status": "failed", "message": printable(f"{kind}{error}")}
 
 
 def timed(method, problem, parameters):
@@ -114,8 +115,9 @@ def unknown(disk):
 def checked(f, problem):
     """A method's answer as (V,) complex or, on the sphere, (V', 3) float; ValueError."""
     f = np.asarray(unmasked(f, "the method's answer"))
-    f = f.astype(float if f.ndim == 2 and not np.iscomplexobj(f) else complex)
-    sphere = problem.pair.moving.sphere if f.ndim == 2 else None
+    on_sphere = f.ndim == 2 and f.shape[1] == 3 and not np.iscomplexobj(f)
+    f = f.astype(float if on_sphere else complex)
+    sphere = problem.pair.moving.sphere if on_sphere else None
     shape = problem.disk.z.shape if sphere is None else sphere.points.shape
     if f.shape != shape or not np.isfinite(f).all():
         count = (~np.isfinite(f)).sum()

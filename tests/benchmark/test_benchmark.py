@@ -9,7 +9,9 @@ import time
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
+from subprocess import Popen
 
+import psutil
 import pytest
 from distributed import LocalCluster
 
@@ -64,16 +66,29 @@ def small(out, folder, runs=MOBIUS, **options):
     return benchmark(out, 1, SIZE, runs=runs, folder=folder, workers=1, progress=False, **options)
 
 
-def recursion(problem):
-    return recursion(problem)
+def harmless(problem):
+    """A good map, with all that may stand around it: words, another folder, a fork, threads that go on."""
+    print("x" * 10**7)
+    os.chdir("/")
+    threading.Thread(target=time.sleep, args=[600]).start()
+    sys.stdin.read()
+    os.fork()
+    return mobius(mobius(problem.disk.z, *problem.mobius), 0.1)
 
 
+def changing(problem):
+    problem.pair.moving.surface.vertices[:] *= 2
+    return mobius(problem.disk.z, *problem.mobius)
+
+
+LOCK = threading.Lock()
 METHODS_OF_OTHERS = {  # method -> its row's status, or the words of its message
     (lambda problem: os.kill(os.getpid(), signal.SIGSEGV)): "its process ended with SIGSEGV",
     (lambda problem: sys.exit("no licence")): "SystemExit: no licence",
-    recursion: "RecursionError: maximum recursion depth exceeded",
-    (lambda problem: time.sleep(3600)): "not done after 4 s and was stopped: give it more time by the limit",
-    (lambda problem: mobius(mobius(problem.disk.z, *problem.mobius), 0.1)): "done",
+    changing: "read-only",
+    (lambda problem: time.sleep(3600)): "not done after 2 s and was stopped: give it more time by the limit",
+    harmless: "done",
+    (lambda problem, lock=LOCK: lock): "cannot be sent to a process of its own",
 }
 
 
@@ -85,7 +100,7 @@ def test_whatever_a_method_of_others_does_touches_no_other_row(tmp_path, folder,
     monkeypatch.setattr(engine, "isolated_trial", soon)
     methods = {f"method {k}": method for k, method in enumerate(METHODS_OF_OTHERS)}
     runs = [*MOBIUS, *(Run(name, name) for name in methods)]
-    results = small(tmp_path / "r.json", folder, runs, methods=METHODS | methods, limit=4, scheduler=scheduler)
+    results = small(tmp_path / "r.json", folder, runs, methods=METHODS | methods, limit=2, scheduler=scheduler)
     assert read_measured("benchmark", tmp_path / "r.json") == results
     rows = {row["run"]: row for row in results["rows"]}
     for name, words in zip(methods, METHODS_OF_OTHERS.values()):
@@ -93,6 +108,35 @@ def test_whatever_a_method_of_others_does_touches_no_other_row(tmp_path, folder,
         assert "\n" not in rows[name].get("message", "")
     assert rows["method 4"]["landmark_error"] > rows["Möbius"]["landmark_error"] > 0
     assert results["provenance"]["threads_per_task"] == 1 and results["provenance"]["workers"] == 1
+
+
+LEFT = """
+import os, pathlib, pickle
+from qclearn.benchmark.isolated import isolated_trial
+begun = pathlib.Path("begun").absolute()
+class Endless:
+    def __reduce__(self):
+        loop = "import os, time, pathlib; pathlib.Path(%r).write_text(str(os.getpid())); time.sleep(600)"
+        return exec, (loop % str(begun),)
+isolated_trial(None, None, pickle.dumps(Endless()), 600)
+"""
+
+
+def test_a_row_ends_with_the_worker_that_began_it(tmp_path):
+    """Nothing runs on, and nothing lies about, after the worker was killed."""
+    environment = os.environ | {"TMPDIR": str(tmp_path)}
+    begun = tmp_path / "begun"
+    with Popen([sys.executable, "-c", LEFT], cwd=tmp_path, env=environment) as worker:
+        wait_until(lambda: begun.exists() and begun.read_text())
+        worker.kill()
+    row = int(begun.read_text())
+    wait_until(lambda: not psutil.pid_exists(row) or psutil.Process(row).status() == psutil.STATUS_ZOMBIE)
+    assert list(tmp_path.iterdir()) == [begun]
+
+
+def wait_until(done):
+    while not done():
+        time.sleep(0.05)
 
 
 def test_a_stopped_run_goes_on(tmp_path, folder, scheduler, monkeypatch):
