@@ -14,6 +14,11 @@ DELTA = 3.0
 ETA = 3.5
 # Default weight of features without areas; in a group, too, as its mean is no surface.
 DELTA_BY_DISKS = 1.0
+# A weight over the larger of alpha and beta, and by itself. On fsaverage5 with folds the landmarks
+# end 0.62 mm from their targets at gamma = 1e3, 0.12 at 1e5, 0.04 at 1e6, 0.51 at 1e7 and 1.05 at
+# 1e8: farther than by default. All weights times 1e6 give the same map, times 1e8 another.
+LARGEST = 1e7
+LARGEST_ALONE = 1e9
 MEETING = 1e-9  # in the unit disk: landmarks closer than this are one point
 NOTHING = MEETING**2  # an objective, or squared distances, that only rounding tells apart
 
@@ -30,7 +35,8 @@ class Weights:
 
     The defaults, DELTA and ETA were chosen on real pairs and known truths:
     book/studies/choose_weights.py, qclearn/benchmark/results/weights.json. LandmarkError unless
-    alpha > 0, beta >= 0, gamma > 0, delta >= 0 and eta >= 0 are finite.
+    alpha > 0, beta >= 0, gamma > 0, delta >= 0 and eta >= 0 are finite, and none is so large that
+    rounding rules: LARGEST times the larger of alpha and beta.
     """
 
     alpha: float = 1.0
@@ -51,6 +57,13 @@ class Weights:
             if not (is_finite(value) and (value > 0 if positive else value >= 0)):
                 raise LandmarkError(f"{name} = {value!r}: {rules.get(name, rule)}")
             vars(self)[name] = float(value)  # reports are JSON, which knows no numbers of NumPy
+        most = min(LARGEST * max(self.alpha, self.beta), LARGEST_ALONE)
+        for name, value in vars(self).items():
+            if value > most:
+                raise LandmarkError(
+                    f"{name} = {value:g}: over {most:g} rounding decides; "
+                    f"give at most {LARGEST:g} times the larger of alpha and beta, and {LARGEST_ALONE:g}"
+                )
 
     @property
     def factors(self):

@@ -7,7 +7,7 @@ from test_register import bowl, entries, spoke
 import qclearn as qc
 from qclearn.registration.curves import check_curves, read_landmarks
 from qclearn.registration.features import Feature, FeatureError
-from qclearn.registration.problem import LandmarkError
+from qclearn.registration.problem import LandmarkError, Weights
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror
 
 BOWL, HIGH = bowl(0.6), bowl(0.9)
@@ -39,6 +39,16 @@ OPTIONS = [
     (LandmarkError, "delta = 40 is far", SURE | {"delta": 40.0}),
     (LandmarkError, "eta = 50 is far", SURE | {"eta": 50.0}),
     (LandmarkError, "gamma = 100000 is far", SURE | ALONE | {"gamma": 1e5}),
+    *[
+        (LandmarkError, rf"{name} = .*: over {most} rounding decides; give at most 1e\+07 times the larger", weights)
+        for name, most, weights in (
+            ("gamma", r"1e\+07", {"gamma": 1e8}),
+            ("delta", r"1e\+07", {"delta": 2e7}),
+            ("eta", r"1e\+07", {"eta": 2e7}),
+            ("gamma", "10", {"alpha": 1e-6, "beta": 1e-7}),
+            ("gamma", r"1e\+09", {"alpha": 1e8, "gamma": 1e11}),
+        )
+    ],
 ]
 
 
@@ -54,6 +64,10 @@ NO_WEIGHTS = {
     "delta": [-0.1, np.nan, np.inf, "0.3"],
     "eta": [-0.1, np.nan, np.inf, "much"],
 }
+
+
+def test_large_weights_beside_large_others_are_taken():
+    assert Weights(gamma=1e7).gamma == 1e7 and Weights(1e-2, 1e-4, 1e5).gamma == Weights(1e5, 1e3, 1e5).gamma
 
 
 @pytest.mark.parametrize("name, value", [(name, value) for name, values in NO_WEIGHTS.items() for value in values])
