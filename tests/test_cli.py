@@ -4,7 +4,9 @@ is one line on stderr, exit code 2 and nothing written."""
 import ast
 import inspect
 import json
+import os
 import re
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -204,6 +206,14 @@ def test_register_is_the_library_and_mirror_mirrors(folder, capsys):
     assert re.search("landmarks were made for another moving surface .*exchanged: they fit the control surface", line)
 
 
+def test_output_that_cannot_show_a_letter_escapes_it(folder):
+    """And the exit code stays that of what was written."""
+    words = [sys.executable, "-m", "qclearn", *map(str, to_register(folder))]
+    ascii = os.environ | {"PYTHONIOENCODING": "ascii"}
+    output = subprocess.run(words, cwd=ROOT, env=ascii, capture_output=True, check=True).stdout
+    assert rb"after the best M\xf6bius map" in output
+
+
 @pytest.mark.parametrize("options, code", [([], 3), (["--accept-suspect"], 0)])
 def test_a_suspect_registration_is_written_and_says_so(folder, capsys, quick, options, code):
     quick |= {"suspect": ["reversed: 'east' fits", "curve: 'north' ends"], "stopped": "the landmarks are wrong"}
@@ -334,6 +344,8 @@ TRANSFER = "transfer registration.npz map.txt --to moving --out there.npy "
     ("transfer registration.npz labels.npy --to moving --out x.npy", "holds whole numbers.*--nearest.*floats"),
     ("transfer moving.npz map.txt --to moving --out x.npy", "moving.npz: not a registration.npz of this program"),
     (TRANSFER.replace("there", "no/there"), "there.npy: cannot be written"),
+    ("transfer registration.npz map.txt --to moving --out ./map.txt", r"\./map.txt: .* the command reads it; "),
+    (REGISTER + "--landmarks x/figure.png", "x/figure.png: the command reads it; give another --out"),
     *((TRANSFER.replace("there.npy", name), name) for name in ("o.csv", "lh.o.annot", "o.dscalar.nii", "o.npz")),
 ])  # fmt: skip
 def test_bad_input_is_one_line_and_writes_nothing(folder, capsys, monkeypatch, result, words, message):
@@ -344,6 +356,8 @@ def test_bad_input_is_one_line_and_writes_nothing(folder, capsys, monkeypatch, r
     write_surface(folder / "rh.ball.ply", BALL)
     write_surface(folder / "inside-out.ply", Surface(BALL.vertices, BALL.faces[:, ::-1]))
     np.save(folder / "mask.npy", BALL.vertices[:, 2] < -0.5)
+    (folder / "x").mkdir()
+    (folder / "x" / "figure.png").write_text(json.dumps(CURVES))
     write_disks(folder, result)
     monkeypatch.chdir(folder)
     line = refused(capsys, folder, *words.strip(" ").split(" ") if words else ())

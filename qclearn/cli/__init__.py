@@ -23,6 +23,8 @@ def main(arguments=None):
     begun = time.perf_counter() - (time.process_time() if arguments is None else 0)
     if arguments is None:
         signal.signal(signal.SIGTERM, stop)
+        if sys.stdout:  # a terminal without ö is no reason to fail
+            sys.stdout.reconfigure(errors="backslashreplace")
     with warnings.catch_warnings():
         warnings.showwarning = lambda message, *_: warn(str(message))
         try:

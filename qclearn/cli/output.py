@@ -50,10 +50,23 @@ def file_option(help):
 def file_to_write(path):
     """The path of a file that a command will write; OSError where it cannot."""
     place = Path(path).absolute()
-    if place.is_dir() or not os.access(place.parent, os.W_OK | os.X_OK):
-        fault = "is a folder" if place.is_dir() else "its folder does not exist or is not writable"
+    faults = {
+        "is a folder": place.is_dir(),
+        "the command reads it": is_read(place, 1),
+        "its folder does not exist or is not writable": not os.access(
+            place.parent, os.W_OK | os.X_OK
+        ),
+    }
+    for fault in filter(faults.get, faults):
         raise OSError(f"{path}: cannot be written: {fault}; make it, or give another --out")
     return path
+
+
+def is_read(place, own=0):
+    """Whether more of the command line's words than its `own` name this file, so that it is read."""
+    context = click.get_current_context(silent=True)
+    files = [Path(re.sub(r"^--[\w-]+=", "", word)) for word in context.obj[0]] if context else []
+    return place.is_file() and sum(one.is_file() and one.samefile(place) for one in files) > own
 
 
 def fail(message, code=2):
@@ -96,6 +109,8 @@ def output_folder(path, instead=()):
             path.parent.mkdir(parents=True, exist_ok=True)
             os.rename(folder, path)
             return
+        if read := [file.name for file in folder.iterdir() if is_read(path / file.name)]:
+            raise OSError(f"{path / read[0]}: the command reads it; give another --out")
         for name in (*[SEAL] * (folder / SEAL).exists(), *instead):
             (path / name).unlink(missing_ok=True)
         for file in sorted(folder.iterdir(), key=lambda file: file.name == SEAL):

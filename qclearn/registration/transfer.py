@@ -32,7 +32,7 @@ def transfer(
     and k, near 1, such that the sum of |s| is kept, where s >= 0 that of s (what is not finite
     counts as 0). ValueError if the count of values is not that of the vertices, or some are masked.
     """
-    values = np.asarray(unmasked(values, "values", ValueError))
+    values = np.atleast_1d(unmasked(values, "values", ValueError))
     if len(values) != len(z_from):
         raise ValueError(
             f"{len(values)} values for {len(z_from)} vertices: give one a vertex of the surface "
@@ -49,8 +49,9 @@ def transfer(
     if sum:
         if faces_to is None or values.dtype.kind not in "fc":
             raise ValueError("sum needs amounts (floats), and faces_to, the faces of the mesh z_to")
-        check_used(disk)
         meshes, shape = (disk, Disk(z_to, faces_to)), (-1, *[1] * (values.ndim - 1))
+        for mesh in meshes:
+            check_used(mesh)
         a, A = ((mesh.to_faces.T @ abs(mesh.areas)).reshape(shape) for mesh in meshes)
         size = np.where(np.isfinite(values), abs(values), 0)
         found = (A * carried(size / a)).sum(0)

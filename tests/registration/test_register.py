@@ -413,6 +413,10 @@ def test_whole_numbers_are_not_blended_and_a_hint_tells_of_floats(turned):
             there(values)
         with pytest.raises(ValueError, match=r"sum needs amounts \(floats\), and faces_to"):
             there(values, sum=True, faces_to=moving.faces)
+    with pytest.raises(ValueError, match="1 values for 589 vertices"):
+        there(3.0)
+    with pytest.raises(ValueError, match="in no face; do the mesh and the vertices belong together"):
+        there(control.vertices[:, 0], sum=True, faces_to=moving.faces[:99])
     with pytest.warns(UserWarning, match="whole numbers, carried as numbers; give nearest=True"):
         there(np.where(labels, labels, np.nan))
 
