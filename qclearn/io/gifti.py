@@ -3,6 +3,7 @@
 import base64
 import colorsys
 import gzip
+import io
 import re
 import warnings
 import zlib
@@ -64,10 +65,11 @@ class _Parser(GiftiImageParser):
             self.img.meta["UnknownSpace"] = text
 
 
-def parse(data):
-    """The nibabel image of a GIFTI file's bytes."""
-    reader = _Parser()
-    reader.parse(data)
+def parse(path, data):
+    """The nibabel image of a GIFTI file's bytes; data of their own (SPM, CAT12) stand beside it."""
+    reader, source = _Parser(mmap=False), io.BytesIO(data)
+    source.name = str(path)
+    reader.parse(fptr=source)
     if any(array.data is None for array in reader.img.darrays):
         raise FormatError("an array has no data")
     return reader.img

@@ -80,7 +80,7 @@ def frame_of(path):
     named = Frame(side_of_name(path), kind=kind_of_name(path))
     with safe.explain(path, "file with a coordinate system"):
         if suffix_of(path) == ".gii":
-            return gifti.frame_of_image(path, gifti.parse(data))
+            return gifti.frame_of_image(path, gifti.parse(path, data))
         if suffix_of(path) == ".npz":
             about = ("about", "whole_faces", "hemisphere")  # the last of a synthetic subject
             arrays = safe.npz_arrays(data, lambda key: key in about)
@@ -247,7 +247,10 @@ def _volume_of(footer):
 
 _READERS = {
     ".npz": ("npz file", _read_npz),
-    ".gii": ("GIFTI surface", lambda path, data: gifti.surface_arrays(path, gifti.parse(data))),
+    ".gii": (
+        "GIFTI surface",
+        lambda path, data: gifti.surface_arrays(path, gifti.parse(path, data)),
+    ),
     ".ply": ("PLY file", meshformats.read_ply),
     ".obj": ("OBJ file", meshformats.read_obj),
 }

@@ -156,7 +156,7 @@ def read_map(path):
 
 
 def _read_gifti(path, data):
-    image = gifti.parse(data)
+    image = gifti.parse(path, data)
     names = [array.meta.get("Name", "") for array in gifti.maps_of(image)]
     side = agreed_side(path, gifti.side_of_image(image))
     labels = gifti.labels_of(image) or None

@@ -207,7 +207,7 @@ def test_labels_that_are_no_whole_numbers_are_refused(tmp_path, intent, bad):
 @pytest.mark.parametrize("old, new, message", [
     (b'Dim0="9"', b'Dim0="8"', "array of size 9 into shape .8"),
     (b'Dim0="9"', b'Dim0="10"', "size 9 into shape .10"), (b'Dim0="9"', b'Dim0="nine"', "nine"),
-    (b'"GZipBase64Binary"', b'"ExternalFileBinary"', "ExternalFileBinary is not supported"),
+    (b'"GZipBase64Binary"', b'"ExternalFileBinary"', "Is a directory"),
     (b'"NIFTI_TYPE_FLOAT32"', b'"NIFTI_TYPE_QUAD"', "NIFTI_TYPE_QUAD"), (b'"UTF-8"', b'"UTF-7777"', "unknown encoding"),
 ])  # fmt: skip
 def test_counts_and_types_that_lie_are_refused(tmp_path, old, new, message):
@@ -217,6 +217,22 @@ def test_counts_and_types_that_lie_are_refused(tmp_path, old, new, message):
     (tmp_path / "v.shape.gii").write_bytes(data.replace(old, new))
     with pytest.raises(SurfaceError, match=f"v.shape.gii: not a readable GIFTI.*{message}"):
         read_values(tmp_path / "v.shape.gii")
+
+
+def test_data_in_a_file_of_their_own_are_read(tmp_path):
+    """As SPM and CAT12 leave them, here by columns and of the other byte order."""
+    path, values = tmp_path / "v.func.gii", np.arange(8.0).reshape(4, 2)
+    gifti(path, (values.astype(np.float32), "NONE"))
+    (tmp_path / "v.dat").write_bytes(b"    " + values.T.astype(">f4").tobytes())
+    text = path.read_text().replace("GZipBase64Binary", "ExternalFileBinary").replace('Name=""', 'Name="v.dat"')
+    text = (
+        text.replace('Offset="0"', 'Offset="4"').replace("LittleEndian", "BigEndian").replace("RowMajor", "ColumnMajor")
+    )
+    path.write_text(re.sub("<Data>.*</Data>", "<Data/>", text))
+    np.testing.assert_array_equal(read_values(path), values)
+    (tmp_path / "v.dat").unlink()
+    with pytest.raises(SurfaceError, match="v.func.gii: not a readable GIFTI.*Cannot locate external file .*v.dat"):
+        read_values(path)
 
 
 ROWS = list(map(str, CENTRE.ravel()))

@@ -1,5 +1,6 @@
 """Per-vertex files: what is written comes back, in each format; faults are named."""
 
+import gzip
 from contextlib import nullcontext
 
 import nibabel
@@ -45,6 +46,8 @@ def test_mgh_agrees_with_nibabel(tmp_path):
     path = tmp_path / "lh.a.mgz"
     for shape in ((42, 1, 1), (7, 1, 6)):
         nibabel.save(nibabel.MGHImage.from_image(voxels(*shape)), path)
+        np.testing.assert_array_equal(read_values(path), np.arange(42))
+        path.write_bytes(gzip.decompress(path.read_bytes()))  # renamed, not zipped
         np.testing.assert_array_equal(read_values(path), np.arange(42))
     nibabel.save(nibabel.MGHImage.from_image(voxels(4, 5, 6)), path)
     with pytest.raises(SurfaceError, match="lh.a.mgz: holds a volume of 4 x 5 x 6.*mri_vol2surf"):
