@@ -17,6 +17,7 @@ export SOLUTIONS ?=
 BIN := .venv/bin
 INSTALLED := .venv/installed
 PYTEST := $(BIN)/python -m pytest -q
+UNIT = $(PYTEST) -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not slow" --ignore=tests/site --ignore=tests/book tests
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 # uv needs a tenth of pip's time, but does not read pip's settings: it is told of the mirrors and certificates that pip
 # knows, and takes the best version that any index has, as pip does.
@@ -33,7 +34,7 @@ export PYDEVD_DISABLE_FILE_VALIDATION ?= 1
 # forbidden to. Torch, Matplotlib and pyvista take 8 seconds from their sources, 3 compiled.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: book test test-unit test-site test-slow lab lab-copies edit notebooks course decks clear clean
+.PHONY: book test test-unit test-kernels test-site test-slow lab lab-copies edit notebooks course decks clear clean
 .DELETE_ON_ERROR:
 
 book: $(INSTALLED)
@@ -47,7 +48,11 @@ test: $(INSTALLED)
 	@$(MAKE) --no-print-directory --keep-going test-unit test-site
 
 test-unit: $(INSTALLED)
-	$(PYTEST) -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not slow" --ignore=tests/site --ignore=tests/book tests
+	$(UNIT)
+
+# The unit tests five times, as other processors round: weekly, and before a release.
+test-kernels: $(INSTALLED)
+	$(BIN)/python tests/kernels.py $(UNIT)
 
 # Tests of tests/book read pages that a build has executed.
 test-site: $(INSTALLED)

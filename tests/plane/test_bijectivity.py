@@ -201,6 +201,7 @@ def folding_problem(seed):
 
 
 @pytest.mark.parametrize("seed", range(6))
+@pytest.mark.digits
 def test_repair_unfolds(seed):
     z, faces, mu, f, lengths = folding_problem(seed)
     before = check_bijective(z, faces, f)

@@ -166,6 +166,7 @@ def backward_problem():
     return (z, faces, 0.9 * np.sqrt(rng.uniform(size=len(faces))) * np.exp(2j * np.pi * rng.uniform(size=len(faces))))
 
 
+@pytest.mark.digits
 def test_backward_steps_are_raised_and_reported():
     z, faces, mu = backward_problem()
     solver = BeltramiDiskSolver(z, faces)
@@ -210,6 +211,7 @@ def assert_tangent(solver, mu, change, step=1e-5):
 
 
 @pytest.mark.parametrize("largest", [0.0, 0.6])
+@pytest.mark.digits
 def test_pushforward_equals_finite_differences_and_pullback_is_its_transpose(mesh, largest):
     z, faces = mesh
     rng = np.random.default_rng(7)
@@ -217,11 +219,13 @@ def test_pushforward_equals_finite_differences_and_pullback_is_its_transpose(mes
     assert_tangent(BeltramiDiskSolver(z, faces), mu, random_complex(rng, len(faces)))
 
 
+@pytest.mark.digits
 def test_pushforward_and_pullback_with_raised_steps():
     z, faces, mu = backward_problem()
     assert_tangent(BeltramiDiskSolver(z, faces), mu, random_complex(np.random.default_rng(1), len(faces)), 1e-6)
 
 
+@pytest.mark.digits
 def test_many_at_once_are_many_and_changes_keep_zero_one_and_the_circle():
     z, faces = MESHES["polar"]
     rng = np.random.default_rng(0)

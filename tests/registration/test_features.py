@@ -119,6 +119,7 @@ def test_maps_of_the_users_own_with_and_without_weights():
     np.testing.assert_array_equal(found[1].moving, two)
 
 
+@pytest.mark.digits
 def test_coarse_scales_of_a_large_surface_are_smoothed_on_few_vertices():
     """With the finest one as it was, bit for bit, and without a disk, or on a small surface, all of
     them."""

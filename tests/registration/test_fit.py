@@ -281,6 +281,7 @@ def test_a_start_is_carried_to_the_polar_mesh():
     np.testing.assert_allclose(bounded(start), TWIST.mu(grid.z), atol=0.05)
 
 
+@pytest.mark.digits
 def test_a_multiresolution_fit_is_run_again_with_other_weights(monkeypatch):
     """As a new one is, to the last bit, whatever the fits before have computed; its mesh is
     not looked at again."""
@@ -292,6 +293,7 @@ def test_a_multiresolution_fit_is_run_again_with_other_weights(monkeypatch):
     assert np.array_equal(resumed.run(levels, weights)[1].f, new.f)
 
 
+@pytest.mark.digits
 def test_a_problem_that_was_fitted_holds_no_objective_and_goes_to_other_processes():
     problem = Problem(Disk(*SMALL), *smooth_problem(3))
     fit = fit_problem(problem, Weights())

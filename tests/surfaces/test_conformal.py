@@ -78,6 +78,7 @@ def test_surface_turned_scaled_and_mirrored():
     np.testing.assert_allclose(mapped(mirror(surface)), f.conj(), atol=1e-11)
 
 
+@pytest.mark.digits
 def test_result_is_discrete_harmonic_where_nothing_was_repaired():
     """Up to the Möbius map of the gauge, of which only a turn remains on a mesh with a symmetry."""
     z, faces = polar_disk(10, 30)
