@@ -54,6 +54,7 @@ def cut(made, tmp_path_factory):
     return folder
 
 
+@pytest.mark.digits
 def test_a_whole_pair_is_registered_bit_for_bit_as_one_cut_by_hand(registered, cut):
     ours, theirs = (np.load(place / "registration.npz") for place in (registered, cut / "out"))
     assert set(ours.files) == set(theirs.files)

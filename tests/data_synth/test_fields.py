@@ -223,6 +223,7 @@ def test_folders_without_pictures(tmp_path):
             ImageFolder(tmp_path / name)
 
 
+@pytest.mark.digits
 def test_maps_that_keep_nothing_are_the_solvers():
     maps = DiskMaps(DISK)
     for seed in (0, 1):

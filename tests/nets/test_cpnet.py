@@ -102,6 +102,7 @@ def test_fit_mobius_is_best_mobius():
         np.testing.assert_allclose(mobius(p, *found), mobius(p, *best_mobius(p, q)), atol=1e-4)
 
 
+@pytest.mark.digits
 def test_an_untrained_network_starts_at_the_born_step(net):
     mesh = polar_disk(12, 36, POWER)
     problem, weights = Problem(Disk(*mesh), *LANDMARKS), Weights(1.0, 0.1, 1e3)
@@ -114,6 +115,7 @@ def test_an_untrained_network_starts_at_the_born_step(net):
     assert off[2] < 0.1 * fit and off[1] < off[0]
 
 
+@pytest.mark.digits
 def test_stiff_weights_have_a_finer_grid_and_more_looks_from_the_born_step_on(stirred):
     net, mesh, close = stirred, polar_disk(16, 48, 1.4), [np.append(points, points[0] + 0.01) for points in LANDMARKS]
     assert net.rings(*close, Weights()) == 16  # close landmarks have a finer grid, too

@@ -127,6 +127,7 @@ def test_vertices_are_spread_evenly():
     assert distance.min(axis=1).max() <= added[added > 0].min() + 1e-12
 
 
+@pytest.mark.digits
 def test_cortex_problem_keeps_landmarks_of_the_full_surfaces():
     moving, control = bowl(0.5, 12), bowl(0.8, 12)
     paths = {"spoke": (np.arange(1, 289, 36), 2), "arc": (np.arange(151, 160), 3)}
