@@ -35,19 +35,14 @@ hold(qclearn)
 hold_class(Disk)  # what most of the public functions make of a mesh
 
 
-# What rounding on other machines does, and more: each number in every answer of the solver is off by
-# this share, by chance. No verdict may change then; tests marked `digits` are left out.
+# Each number in every answer of the solver is off by this share, by chance, the same in each test. No
+# verdict may change then; tests marked `digits` are left out.
 NOISE, CHANCE = float(os.environ.get("QCLEARN_TEST_NOISE", 0)), np.random.default_rng(0)
+START, SUPERLU, CHOLESKY = CHANCE.bit_generator.state, linear.splu, linear.Cholesky.solve
 
 
-def noisy(solve):
-    """A factor's `solve` whose answers are off."""
-
-    def solved(*given):
-        x = solve(*given)
-        return x * (1 + NOISE * CHANCE.standard_normal(x.shape))
-
-    return solved
+def noisy(x):
+    return x * (1 + NOISE * CHANCE.standard_normal(x.shape))
 
 
 class NoisySuperLU:
@@ -55,20 +50,20 @@ class NoisySuperLU:
 
     def __init__(self, *given, **options):
         self.factors = SUPERLU(*given, **options)
-        self.solve = noisy(self.factors.solve)
 
     def __getattr__(self, name):
         return getattr(self.factors, name)
 
+    def solve(self, load):
+        return noisy(self.factors.solve(load))
+
 
 if NOISE:
-    SUPERLU, linear.splu = linear.splu, NoisySuperLU
-    linear.Cholesky.solve = noisy(linear.Cholesky.solve)
+    linear.splu, linear.Cholesky.solve = NoisySuperLU, lambda self, load: noisy(CHOLESKY(self, load))
 
 
 def pytest_runtest_setup():
-    """Each test begins with the same noise, wherever and after whatever it runs."""
-    CHANCE.bit_generator.state = np.random.default_rng(0).bit_generator.state
+    CHANCE.bit_generator.state = START
 
 
 def pytest_collection_modifyitems(items):
