@@ -197,8 +197,9 @@ def test_sliding_costs_less_distortion():
 
 def test_detected_curves_are_measured_against_the_true_ones_where_the_surfaces_carry_them():
     bent = spoke(0)[:3] + [vertex + 1 for vertex in spoke(0)[3:6]] + spoke(0)[6:]
-    known = {"bent": bent, "elsewhere": spoke(20)}
-    moving, control = (Surface(s.vertices, s.faces, known) for s in (bowl(0.6), bowl(0.9)))
+    # The moving side's path is carried the other way round than its ends are given, the control's as they are.
+    moving = bowl(0.6, curves={"bent": bent, "elsewhere": spoke(20)})
+    control = bowl(0.9, curves={"bent": bent[::-1], "elsewhere": spoke(20)})
     curves = [
         {"name": "bent", "moving": [bent[-1], bent[0]], "control": [bent[-1], bent[0]]},
         {"name": "elsewhere", "moving": [spoke(14)[0], spoke(14)[-1]], "control": spoke(14)},
