@@ -33,12 +33,12 @@ def transfer(
     counts as 0). ValueError if the count of values is not that of the vertices, or some are masked.
     """
     values = np.atleast_1d(unmasked(values, "values", ValueError))
-    if len(values) != len(z_from):
-        raise ValueError(
-            f"{len(values)} values for {len(z_from)} vertices: give one a vertex of the surface "
-            "they come from (the cut-open one, if it was cut)"
-        )
     disk = Disk(z_from, faces_from)
+    if len(values) != len(disk.z):
+        raise ValueError(
+            f"{len(values)} values for {len(disk.z)} vertices: give one a vertex of the surface "
+            "they come from (the cut-open one, if it was cut), of a file by read_values(path)"
+        )
     face, weights = disk.locate(z_to)
 
     def carried(values):

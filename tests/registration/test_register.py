@@ -401,6 +401,8 @@ def test_labels_are_carried_by_the_nearest_corner_and_must_be_one_a_vertex(turne
     np.testing.assert_array_equal(there[clear], np.where(result.points[clear, 0] > 0, 7, 3))
     itself = transfer(np.arange(len(moving.vertices)), result.disk_map, moving.faces, result.disk_map, nearest=True)
     np.testing.assert_array_equal(itself, np.arange(len(moving.vertices)))
+    with pytest.raises(ValueError, match=r"1 values for .* read_values\(path\)"):
+        transfer("lh.sulc", result.disk_control, control.faces, result.disk_map)
     with pytest.raises(ValueError, match="5 values for 589 vertices: give one a vertex"):
         transfer(np.zeros(5), result.disk_control, control.faces, result.disk_map)
 
