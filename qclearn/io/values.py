@@ -300,7 +300,8 @@ def _read_txt(_, data):
     if table:
         raise SurfaceError(
             f"holds a table or commas ({printable(lines[0][:40])!r}); save the column of a map alone, "
-            "in the vertices' order: numpy.savetxt('OUT.txt', pandas.read_csv(IN)['NAME'])"
+            "in the vertices' order: numpy.savetxt('OUT.txt', table['NAME']), table = "
+            "pandas.read_csv(IN, sep=None, engine='python')"
         )
     return values
 

@@ -400,23 +400,19 @@ def reasons(moving, rows, fit, log2_area, folds):
     # The map had to be repaired at many vertices: needles, landmarks or features ask for folds.
     count = len(moving.vertices)
     if fit.switched > LIMITS["rows"] * count:
-        corners, causes = moving.vertices[moving.faces], []
+        corners, numbers = moving.vertices[moving.faces], moving.original_vertices
         longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(1)
         aspect = longest**2 / np.maximum(2 * moving.face_areas, np.finfo(float).tiny)
         needles = np.argsort(-aspect)[: (aspect > NEEDLE).sum()]
-        if len(needles):
-            table = moving.original_vertices
-            first = moving.faces[needles[:3]] if table is None else table[moving.faces[needles[:3]]]
-            causes.append(
-                f"needle triangles of the moving surface ask for it ({len(needles)}, up to "
-                f"{aspect.max():.0e} times as long as high; the first have the vertices "
-                f"{first.tolist()}): merge their near ends, or mesh the surface anew"
-            )
-        if rows:
-            causes.append(
-                "the landmarks are probably wrong: check the order, the names and the ends of the "
-                "curves"
-            )
+        first = moving.faces[needles[:3]]
+        first = first.tolist() if numbers is None else numbers[first].tolist()
+        causes = [
+            f"needle triangles of the moving surface ask for it ({len(needles)}, up to "
+            f"{aspect.max():.0e} times as long as high; the first have the vertices {first}): merge "
+            "their near ends, or mesh the surface anew",
+            "the landmarks are probably wrong: check the order, the names and the ends of the curves",
+        ]
+        causes = [cause for cause, found in zip(causes, (len(needles), rows)) if found]
         advice = "the features ask for folds: smooth a noisy surface first, or lower delta"
         yield (
             f"rows: the map folded and was repaired at {fit.switched} of {count} vertices; "
@@ -428,7 +424,7 @@ def reasons(moving, rows, fit, log2_area, folds):
     if strong > LIMITS["strong_area"]:
         yield (
             f"distortion: |mu| is over {LIMITS['strong_mu']} on {100 * strong:.1f} % of the moving "
-            "surface; check the curves, or lower gamma"
+            f"surface; {'check the curves, or lower gamma' if rows else 'smooth it, or lower delta'}"
         )
 
     # Areas change as no right map changes them.
