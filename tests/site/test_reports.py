@@ -2,7 +2,6 @@
 moved by keys."""
 
 import json
-import re
 
 import numpy as np
 import pytest
@@ -16,8 +15,6 @@ from reports import drawn
 
 pytestmark = pytest.mark.xdist_group("reports")
 TURNED = [{"name": "east", "moving": list(range(1, 145, 24)), "control": list(range(2, 146, 24))}]
-LIGHT = """canvas => { const gl = canvas.getContext("webgl"), pixel = new Uint8Array(4);
-    gl.readPixels(canvas.width / 2, canvas.height / 2, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel); return pixel[0]; }"""
 SHOWN = "() => [...document.querySelectorAll('.stack > div')].map(e => getComputedStyle(e).visibility)"
 
 
@@ -88,6 +85,7 @@ def test_before_and_after_take_each_others_place(view):
 def test_the_surface_is_turned_and_its_map_changed_by_keys_and_mouse(view):
     canvas, seen = view.page.locator("canvas"), [picture(view)]
     shown = seen[0], view.page.locator(".stack img").nth(2).get_attribute("src")  # both after registration
+    # The map that was sent, from the same side: with another one light leans otherwise.
     to_right = [np.corrcoef(light, places)[0, 2] for light, places in map(drawn, shown)]
     assert min(to_right) > 0.3 and np.ptp(to_right) < 0.02
     canvas.focus()
@@ -110,20 +108,6 @@ def test_the_surface_is_turned_and_its_map_changed_by_keys_and_mouse(view):
         view.page.keyboard.press("ArrowRight")
         seen.append(picture(view))
     assert len(set(seen)) == len(seen) and view.complaints == []
-
-
-def test_the_surface_shows_the_map_that_was_sent(window, pages):
-    """In a page whose map has the lowest tone everywhere the surface is darker than in one with the
-    highest."""
-    page, light = (pages / "one" / "report.html").read_text(), []
-    for tone in "A/":
-        changed = re.sub(
-            r'"tones": "[^"=]*', lambda found, tone=tone: '"tones": "' + tone * (len(found[0]) - 10), page, count=1
-        )
-        (pages / "toned.html").write_text(changed)
-        for view in opened(window, pages, "toned.html"):
-            light.append(view.page.locator("canvas").evaluate(LIGHT))
-    assert light[0] < 5 and light[1] > 100
 
 
 def test_without_webgl_it_says_so_and_the_pictures_stay(window, pages):
