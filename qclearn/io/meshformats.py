@@ -77,8 +77,8 @@ def read_obj(path, data):
     if data[:1] == b"P":
         raise SurfaceError(gone("MNI's .obj"))
     vertices, faces = [], []
-    whole = re.sub(rb"(?m)(^|[ \t])#.*$", b"", data)
-    whole = re.sub(rb"\\[ \t]*\r?\n", b" ", whole)  # a line goes on behind \
+    whole = b"\n".join(re.sub(rb"(^|\s)#.*", b"", line) for line in data.splitlines())
+    whole = re.sub(rb"\\\s*\n", b" ", whole)  # a line goes on behind \
     for keyword, *texts in filter(None, map(bytes.split, whole.splitlines())):
         if keyword == b"v" and len(texts) > 2:
             vertices.append([float(text) for text in texts[:3]])
@@ -94,8 +94,10 @@ def read_obj(path, data):
         require_all("face", len(faces), int(counts[2]))
     require_triangles([len(face) for face in faces])
     vertices = np.array(vertices, dtype=np.float64).reshape(-1, 3)
-    comments = "\n".join(re.findall("(?m)^#.*$", data.decode("latin-1")))
-    return in_ras(path, vertices, comments), np.array(faces, dtype=np.int64).reshape(-1, 3)
+    comments = [line for line in data.decode("latin-1").splitlines() if line.startswith("#")]
+    return in_ras(path, vertices, "\n".join(comments)), np.array(faces, dtype=np.int64).reshape(
+        -1, 3
+    )
 
 
 def write_obj(surface):

@@ -284,12 +284,12 @@ def _read_npy(_, data):
 
 
 def _read_txt(_, data):
-    text = re.sub(r"(?m)(^|\s)#.*$", "", data.decode())  # 1.#QNAN of Windows holds no comment
-    lines = re.sub(r"\bNA\b", "nan", text).split("\n")  # NA: R's
-    lines = [line for line in lines if line.strip()]
+    # comments, but not 1.#QNAN of Windows; R's NA
+    lines = (re.sub(r"(^|\s)#.*", "", line) for line in data.decode().splitlines())
+    lines = [re.sub(r"\bNA\b", "nan", line) for line in lines if line.strip()]
     # A line of names may stand above one column. What else looks like a table may mean anything.
     above = lines and not any(map(_NUMBER.fullmatch, re.split(r"[\s,;]+", lines[0])))
-    table = re.search("[,;]", text) or (above and len(lines[-1].split()) > 1)
+    table = re.search("[,;]", "".join(lines)) or (above and len(lines[-1].split()) > 1)
     if not table:
         lines = lines[1:] if above else lines
         whole = re.fullmatch(r"[\s\d+-]*", " ".join(lines))  # NumPy would also cut 0.5 to 0

@@ -163,8 +163,11 @@ OBJ_POINTS = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]
      [[0, 1, 2], [1, 3, 2]]),
 ])  # fmt: skip
 def test_text_of_other_programs_with_further_properties(tmp_path, name, lines, vertices, faces):
-    surface = read_surface(store(tmp_path / name, *lines))
-    assert surface.vertices.tolist() == vertices and surface.faces.tolist() == faces
+    store(tmp_path / name, *lines)
+    for line_end in (b"\n", b"\r\n", b"\r")[: 3 if name == "a.obj" else 1]:
+        (tmp_path / name).write_bytes((tmp_path / name).read_bytes().replace(b"\n", line_end))
+        surface = read_surface(tmp_path / name)
+        assert surface.vertices.tolist() == vertices and surface.faces.tolist() == faces
 
 
 PLY_REFUSED = [
