@@ -91,7 +91,7 @@ def register(
       2  refused: one line on stderr says what, where and what to do; nothing is written
       3  written, but suspect: one line on stderr, and "suspect" in report.json, say why
 
-    The first five reasons below, where they come from curves or folds, are checked before the fit,
+    The first six reasons below, where they come from curves or folds, are checked before the fit,
     which is then not made: what is written is the map that aligns the curves' ends, and "stopped"
     in report.json says so. --accept-suspect fits all the same.
 
