@@ -97,7 +97,7 @@ def register(
 
     \b
     A registration is suspect where
-      mirror:      curves or folds fit the mirrored moving surface much better, or the files say left and right
+      mirror:      curves or folds fit the moving side mirrored or in LPS much better, or the files say left and right
       exchanged:   the curves fit much better with MOVING and CONTROL exchanged
       numbering:   they fit much better as vertex numbers of the whole surface, before `open` cut it
       reversed:    a curve fits much better run from its other end

@@ -284,11 +284,12 @@ def _read_npy(_, data):
 
 
 def _read_txt(_, data):
-    # comments, but not 1.#QNAN of Windows; R's NA
+    # comments, but not 1.#QNAN of Windows; NA as R, NULL and None as others write it
     lines = (re.sub(r"(^|\s)#.*", "", line) for line in data.decode().splitlines())
-    lines = [re.sub(r"\bNA\b", "nan", line) for line in lines if line.strip()]
+    lines = [re.sub(r"\b(NA|N/A|NULL|None)\b", "nan", line) for line in lines if line.strip()]
     # A line of names may stand above one column. What else looks like a table may mean anything.
-    above = lines and not any(map(_NUMBER.fullmatch, re.split(r"[\s,;]+", lines[0])))
+    words = re.split(r"[\s,;]+", lines[0]) if lines else []
+    above = re.match(r"[\W_]*[^\W\d_]", " ".join(words)) and not any(map(_NUMBER.fullmatch, words))
     table = re.search("[,;]", "".join(lines)) or (above and len(lines[-1].split()) > 1)
     if not table:
         lines = lines[1:] if above else lines

@@ -158,7 +158,7 @@ def test_numbers_that_do_not_fit_are_refused(tmp_path, name, values):
 
 @pytest.mark.parametrize("text, kind", [
     ("3\n-1\n", "i"), ("3\n0.5\n", "f"), ("3\n1e3\n", "f"), ("3\n+2\n", "i"), ("\ufeff3\r\n0\r\n", "i"), ("3 0", "i"),
-    ("3\r\n0\r\n".encode("utf-16"), "i"), ("3\nNA\n", "f"), ("thickness\n3\n0\n", "i"), ("# mm\r3\r0 # one\r", "i"),
+    ("3\r\n0\r\n".encode("utf-16"), "i"), ("3\nN/A\n", "f"), ("thickness\n3\n0\n", "i"), ("# mm\r3\r0 # one\r", "i"),
 ])  # fmt: skip
 def test_a_text_of_whole_numbers_is_of_labels(tmp_path, text, kind):
     """As is one of Windows, with a byte order mark; names of one column and comments are left out."""
@@ -172,7 +172,7 @@ def test_a_text_of_whole_numbers_is_of_labels(tmp_path, text, kind):
         "k mm\n0 1.5\n1 2\n2 2\n", "mm\n0,5\n1,5\n", "3;0\n4;1\n9;2", "".join(f"00{k} 0 {k / 2}\n" for k in range(7)),
         "3 1.5\n2 1.5\n1 2\n", "\"mm\"\n\"1\" 2.5\n\"2\" 3.5\n",
     )],
-    ("3\n-1.#QNAN\n", "not a readable text file .*could not convert"),
+    *[(text, "not a readable text .*could not convert") for text in ("3\n-1.#QNAN\n", "1_000\n2\n", "\u22121\n2\n")],
 ])  # fmt: skip
 def test_tables_and_other_texts_are_told_for_what_they_are(tmp_path, text, words):
     (tmp_path / "v.txt").write_text(text)
