@@ -35,8 +35,8 @@ class Word(click.types.StringParamType):
 
     def convert(self, value, param, ctx):
         if not str(value).strip() or str(value).startswith("--"):
-            fault = f"{value!r} is {'an option' if str(value).strip() else 'empty'}"
-            self.fail(f"{fault}; set the variable that it comes from, or leave this out")
+            advice = "set the variable that it comes from, or leave this out"
+            self.fail(f"{value!r} is {'an option' if value.strip() else 'empty'}; {advice}")
         return super().convert(value, param, ctx)
 
 
