@@ -2,6 +2,7 @@
 
 import gc
 from contextlib import contextmanager
+from tempfile import TemporaryDirectory
 
 from ..interrupts import signals_wait
 from ..io.provenance import versions as versions_of
@@ -28,8 +29,9 @@ def connect(scheduler, workers):
     if scheduler is None:
         # Else workers hand memory back at once, and methods wait for pages: a third of their time.
         with (
+            TemporaryDirectory(ignore_cleanup_errors=True) as folder,
             dask.config.set({"distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None}),
-            LocalCluster(n_workers=workers, **LOCAL) as cluster,
+            LocalCluster(n_workers=workers, local_directory=folder, **LOCAL) as cluster,
             Client(cluster) as client,
         ):
             yield client
