@@ -1,7 +1,7 @@
 """Where the benchmark's rows are computed: on processes of this machine or on a dask scheduler."""
 
 import gc
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from tempfile import TemporaryDirectory
 
 from ..interrupts import signals_wait
@@ -28,13 +28,13 @@ def connect(scheduler, workers):
     gc.collect()
     if scheduler is None:
         # Else workers hand memory back at once, and methods wait for pages: a third of their time.
-        with (
-            TemporaryDirectory(ignore_cleanup_errors=True) as folder,
-            dask.config.set({"distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None}),
-            LocalCluster(n_workers=workers, local_directory=folder, **LOCAL) as cluster,
-            Client(cluster) as client,
-        ):
-            yield client
+        unset = {"distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None}
+        with ExitStack() as stack:
+            folder = stack.enter_context(TemporaryDirectory(ignore_cleanup_errors=True))
+            stack.enter_context(dask.config.set(unset | {"temporary-directory": folder}))
+            with signals_wait():  # a cluster that has half begun would leave its processes
+                cluster = stack.enter_context(LocalCluster(n_workers=workers, **LOCAL))
+            yield stack.enter_context(Client(cluster))
         return
     try:
         client = Client(scheduler, timeout=PATIENCE)
