@@ -33,24 +33,6 @@ def test_hemisphere_and_kind_are_read_from_a_name_that_says_them(name, side, kin
     assert side_of_name(f"rh/{name}") == side and kind_of_name(f"white/{name}") == kind
 
 
-def test_a_surface_names_its_hemisphere_and_coordinate_system(tmp_path):
-    space = nibabel.gifti.GiftiCoordSystem("NIFTI_XFORM_SCANNER_ANAT", "NIFTI_XFORM_TALAIRACH", CENTRE)
-    right = Frame("right", space)
-    for name, frame, structure in zip(
-        ("lh.a.surf.gii", "a.surf.gii", "b.surf.gii.gz"), (None, None, right), ("CortexLeft", None, "CortexRight")
-    ):
-        write_surface(tmp_path / name, FLAT, frame=frame)
-        image = nibabel.load(tmp_path / name)
-        points = image.get_arrays_from_intent("NIFTI_INTENT_POINTSET")[0]
-        assert {meta.get("AnatomicalStructurePrimary") for meta in (points.meta, image.meta)} == {structure}
-        assert nibabel.nifti1.xform_codes.label[points.coordsys.dataspace] == ("scanner" if frame else "unknown")
-    np.testing.assert_array_equal(points.coordsys.xform, CENTRE)
-    again = frame_of(tmp_path / "b.surf.gii.gz")
-    assert again.side == "right"
-    np.testing.assert_array_equal(again.space.xform, CENTRE)
-    np.testing.assert_array_equal(read_surface(tmp_path / "b.surf.gii.gz").vertices, FLAT.vertices)  # as stored
-
-
 @pytest.fixture
 def whole(tmp_path):
     """lh.pial with a volume's geometry, and its vertices as they lie in FreeSurfer."""
