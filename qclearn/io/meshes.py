@@ -29,9 +29,10 @@ def read_surface(path: str | Path, units: str = "mm", merge: bool = False) -> Su
     Wavefront's .obj, or FreeSurfer's binary triangles, known by their content under any other name
     (lh.pial, rh.white).
 
-    Coordinates come as stored, without volume geometry or coordinate system. Faces must be
-    triangles. Vertices in no face are dropped; `original_vertices` has the numbers of the others
-    in the file. SurfaceError, with the file and the remedy, where it cannot be read.
+    Coordinates come as stored, without volume geometry or coordinate system; of a file that says it
+    is in LPS, x and y are negated, with a warning. Faces must be triangles. Vertices in no face are
+    dropped; `original_vertices` has the numbers of the others in the file. SurfaceError, with the
+    file and the remedy, where it cannot be read.
 
     units: of the file, "mm", "m" or "um": the surface is scaled to mm, unless its length is that of
     a hemisphere in another of these. merge: give points doubled along a seam the lowest of
