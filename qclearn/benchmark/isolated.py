@@ -17,10 +17,9 @@ from .trial import failed, trial
 def isolated_trial(pair, run, method, limit):
     """The row of `trial`, or a failed one after `limit` seconds; method: bytes by cloudpickle."""
     with TemporaryDirectory() as folder:
-        arrays, task = [], (pair, run, method, limit)  # arrays that come as bytes are read-only
-        data = pickle.dumps(task, protocol=5, buffer_callback=arrays.append)
-        task = data, [bytes(array.raw()) for array in arrays]
-        Path(folder, "task").write_bytes(pickle.dumps(task))
+        # By protocol 5 arrays that are read-only stay so.
+        task = pickle.dumps((pair, run, method, limit), protocol=5)
+        Path(folder, "task").write_bytes(task)
         command = [sys.executable, "-c", f"import {__name__} as own; own.run_task({folder!r})"]
         paths = {"PYTHONPATH": os.pathsep.join(sys.path)}  # where a method's module lies
         options = {"env": os.environ | paths, "start_new_session": True}
@@ -41,8 +40,7 @@ def isolated_trial(pair, run, method, limit):
 
 def run_task(folder):
     """What the process does; sys.exit and a method that cannot be loaded end here."""
-    data, arrays = pickle.loads(Path(folder, "task").read_bytes())
-    pair, run, method, limit = pickle.loads(data, buffers=arrays)
+    pair, run, method, limit = pickle.loads(Path(folder, "task").read_bytes())
     # The pipe from whoever started this process ends with it, and so does all that is here; at the
     # latest, where a method keeps Python's lock, after the limit.
     pipe = os.dup(0)
