@@ -29,10 +29,8 @@ LIMITS = {
     "rows": 0.005,  # rows switched, per vertex; 0 to 0.004 | 0 to 0.99
     "strong_mu": 0.9,  # what counts as strong distortion
     "strong_area": 0.01,  # share of the moving surface's area above that; 0 to 0.0013 | 0 to 0.70
-    # |log2| of the ratio of areas, 95 %, of a map by two curves or more, or by folds; 0.5 to 3.7 |
-    # 0.5 to 13.
-    "log2_area": 5.0,
-    "log2_area_alone": 8.0,  # the same by one curve alone; 0.8 to 6.2 | 0.7 to 13
+    "log2_area": 5.0,  # 95 % of |log2| of areas' ratio; 0.5 to 3.7 | 0.5 to 13
+    "log2_area_alone": 8.0,  # the same by one curve and no folds; 0.8 to 6.2 | 0.7 to 13
     # Misfit of the curves that another hypothesis changes, over that as given; 1.2 to 44 | 0.013
     # to 0.34.
     "better": 0.75,
@@ -371,8 +369,7 @@ def differing_walls(moving, control):
 
 def reasons(moving, rows, fit, log2_area, folds):
     """Why the `CheckedMap` of a moving surface, rows from `error_rows`, is suspect, messages:
-    `error:`, `curve:`, `rows:`, `distortion:` and `areas:`. log2_area: the 95 % of it; folds:
-    whether features were fitted."""
+    `error:`, `curve:`, `rows:`, `distortion:`, `areas:`. log2_area: 95 %; folds: fitted, too."""
     # The map leaves the landmarks far from their targets.
     errors = np.array([row["landmark_error_mm"] for row in rows])
     if rows:
