@@ -125,10 +125,13 @@ def diagnose_landmarks(pair):
     if hemispheres and r > max(directions.r + LIMITS["hand"], LEAST_R):
         return [f"mirror: the folds fit {what} much better; {advice}"]
     if pair.curves:
-        aligned, messages = align_by_folds(pair), []
+        aligned = align_by_folds(pair)
+        elsewhere = [*out_of_place(aligned)] if hemispheres else []
         if rotation_contrast(aligned) > LIMITS["rotation_contrast"]:
-            messages = diagnose_ends(aligned)
-        return messages or ([*out_of_place(aligned)] if hemispheres else [])
+            # Curves that are known to lie in place are those of no other surfaces.
+            known = hemispheres and directions.r > LIMITS["axes_r"]
+            return diagnose_ends(aligned, bool(elsewhere) or not known) or elsewhere
+        return elsewhere
     return []
 
 
@@ -198,11 +201,13 @@ def between(places, there):
     return np.degrees(np.arccos(np.clip(cosines, -1, 1)))
 
 
-def diagnose_ends(pair):
-    """Messages on hypotheses that explain the curves' ends much better than as given."""
+def diagnose_ends(pair, surfaces=True):
+    """Messages on hypotheses, those of other surfaces if wanted, that explain the curves' ends much
+    better than as given."""
     given, messages = given_hypothesis(pair), []
     # First other surfaces, or one change of order.
-    best = best_hypothesis([given, *surface_hypotheses(given, pair), *order_hypotheses(given)])
+    others = surface_hypotheses(given, pair) if surfaces else ()
+    best = best_hypothesis([given, *others, *order_hypotheses(given)])
     if best.reason and accepted(given, best):
         given, messages = best, [best.reason]
     # Then, with these, one reversal or swap after the other, as long as all ends fit better.

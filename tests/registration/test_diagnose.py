@@ -328,6 +328,13 @@ def test_each_wrong_partner_of_a_curve_is_told_and_no_right_one(folded_pair, mon
     assert list(diagnose.out_of_place(pair)) == []
 
 
+def test_curves_in_place_are_those_of_no_other_surfaces(folded_pair, monkeypatch):
+    monkeypatch.setattr(diagnose, "out_of_place", lambda pair: [])
+    assert messages_of(folded_pair, [FIRST]) == []
+    monkeypatch.setitem(LIMITS, "axes_r", 0.9)  # where places are not known
+    assert words(messages_of(folded_pair, [FIRST])) == ["numbering"]
+
+
 def test_what_the_folds_say_does_not_hang_on_where_the_landmarks_laid_the_disk(folded_pair):
     pair, disk = with_curves(folded_pair, SULCI[:1]), folded_pair.moving.disk
     aside = replace(pair, moving=replace(pair.moving, disk=disk.at(mobius(disk.z, 0.9 - 0.3j, 2.0))))
