@@ -1,8 +1,6 @@
 """The registered hemisphere on the control's sphere: sound as files hold it, what `transfer` says
 and Workbench finds, and refused where the sphere is not the control's."""
 
-from collections import namedtuple
-
 import nibabel
 import numpy as np
 import pytest
@@ -18,6 +16,7 @@ from qclearn.io.sphere import RINGS, registered_sphere, unit_sphere, untangled
 from qclearn.plane.grids import polar_disk
 from qclearn.registration.report import distortion_maps
 from qclearn.surfaces.conformal import apply_mobius, parameterize
+from qclearn.surfaces.surface import Mesh
 from workbench import unknown, workbench
 
 FILES = ["ArealDistortion.shape.gii", "ShapeDistortion.shape.gii", "sphere.reg", "sphere.reg.surf.gii"]
@@ -178,8 +177,7 @@ def test_workbench_takes_the_sphere_there_and_back_and_knows_the_files(judged):
 def test_workbench_finds_the_same_distortion(maps, judged):
     frame = Frame("right", kind="Pial")
     for name, vertices in (("here", maps["vertices_moving"]), ("there", maps["points"])):
-        surface = namedtuple("Mesh", "vertices faces original_vertices")(vertices, maps["faces_moving"], None)
-        qc.write_surface(judged / f"{name}.surf.gii", surface, frame=frame)
+        qc.write_surface(judged / f"{name}.surf.gii", Mesh(vertices, maps["faces_moving"]), frame=frame)
     ends = judged / "here.surf.gii", judged / "there.surf.gii"
     workbench("-surface-distortion", *ends, judged / "area.func.gii")
     workbench("-surface-distortion", *ends, judged / "affine.func.gii", "-local-affine-method", "-log2")
