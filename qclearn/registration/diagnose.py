@@ -3,9 +3,8 @@
 `diagnose_landmarks` compares the curves' ends after the best Möbius map with how they would lie
 under another `LandmarkHypothesis`: curves swapped or reversed, a mirrored surface, surfaces
 exchanged, another numbering. Fewer than three curves do not determine a Möbius map, so the
-features align the disks. `out_of_place` judges one or two curves, `reasons`, `disagreeing`,
-`astray` and `worse` the map. LIMITS are thresholds beside what was measured
-(book/studies/suspect.py): good | with the mistake.
+features align the disks. `out_of_place`, `reasons`, `disagreeing`, `astray`, `worse` judge the rest.
+LIMITS are thresholds beside what was measured (book/studies/suspect.py): good | with the mistake.
 """
 
 from dataclasses import dataclass, replace
@@ -46,9 +45,7 @@ LIMITS = {
     # Degrees between a curve's ends and their targets, and DOUBLING per doubling of its length, of
     # fewer than three curves; 1 to 41 | 6 to 200, under the limit one in twenty.
     "place": 44.0,
-    # The folds' correlation by axes in space. Below this, axes judge no curve; 0.43 to 0.85 | 0.09
-    # to 0.37 where one side is turned.
-    "axes_r": 0.4,
+    "axes_r": 0.4,  # folds' r by axes in space, else these judge none; 0.43 to 0.85 | 0.09 to 0.37
     # Rise of the held-out curves' mean distance, with the next; -0.91 to 0.86 | -0.85 to 2.5.
     "worse": 0.1,
     "worse_mm": 0.5,  # the same in mm; -15 to 3.4 | -14 to 15
@@ -202,8 +199,7 @@ def between(places, there):
 
 
 def diagnose_ends(pair, surfaces=True):
-    """Messages on hypotheses, those of other surfaces if wanted, that explain the curves' ends much
-    better than as given."""
+    """Messages on hypotheses, of other surfaces, too, that explain the curves' ends much better."""
     given, messages = given_hypothesis(pair), []
     # First other surfaces, or one change of order.
     others = surface_hypotheses(given, pair) if surfaces else ()
