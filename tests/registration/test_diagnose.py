@@ -236,7 +236,7 @@ def measured():
 
 
 def test_the_limits_are_those_that_were_measured_and_no_good_case_is_suspect(measured):
-    assert {name: limit for name, limit in measured["limits"].items() if name != "worse_dice"}.items() <= LIMITS.items()
+    assert measured["limits"] == LIMITS
     good = [case for case in measured["cases"] if case["kind"].startswith("good")]
     assert {case["kind"] for case in good} == {"good", "good, one or two", "good, folds alone"}
     assert len(good) >= 200 and all(case["mistakes"] == [] for case in good)
@@ -265,6 +265,13 @@ def test_in_the_table_each_mistake_is_recognised(measured, word, kinds):
         cases = [case for case in measured["cases"] if case["kind"] == kind]
         named = [word in words(case.get("mistakes", [])) or f"{word}: " in case.get("refused", "") for case in cases]
         assert len(cases) >= 20 and np.mean(named) >= 0.95
+
+
+@pytest.mark.parametrize("kind", ["wrong partner, one", "wrong partners, two"])
+def test_in_the_table_wrong_partners_are_told_by_landmarks_alone_and_with_folds(measured, kind):
+    cases = [case for case in measured["cases"] if case["kind"] == kind]
+    assert len(cases) >= 40 and {case["features"] for case in cases} == {False, True}
+    assert np.mean([bool(case.get("suspect", True)) for case in cases]) >= 0.95
 
 
 # Fewer than three curves, or none: the folds tell a left from a right, and ends that lie elsewhere.
