@@ -12,6 +12,7 @@ from qclearn.interrupts import signals_wait
 # Each call is interrupted while a package imports one of its modules, and then made again.
 PROGRAM = """
 import os, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background has none
 class Interrupting:
     name = None
     def find_spec(self, name, *_):
@@ -47,10 +48,11 @@ def test_a_session_goes_on_after_an_interrupt_of_its_first_imports():
 
 
 def test_what_a_signal_does_and_an_error_come_after_the_block():
-    done = []
+    before, done = signal.signal(signal.SIGINT, signal.default_int_handler), []
     with pytest.raises(KeyboardInterrupt), signals_wait():
         signal.raise_signal(signal.SIGINT)
         done.append("whole")
     assert done and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    signal.signal(signal.SIGINT, before)
     with pytest.raises(ImportError), signals_wait():
         raise ImportError
