@@ -10,6 +10,7 @@ import argparse
 import shutil
 import subprocess
 import sys
+from copy import deepcopy
 from pathlib import Path
 
 import nbformat
@@ -65,11 +66,11 @@ def main():
         sphinx()
         pages = build_notebooks()
         decks.write(pages, SITE / "html" / "decks", "../_static")
-        offer(pages)
         if arguments.lab:
             from .lab_copies import write_lab  # as a program of its own it asks this one for the pages
 
-            write_lab(pages)
+            write_lab(deepcopy(pages))
+        offer(pages)
 
 
 if __name__ == "__main__":

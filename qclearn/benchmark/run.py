@@ -14,7 +14,7 @@ from datetime import date
 from hashlib import sha256
 from pathlib import Path
 
-from tqdm.auto import tqdm
+from tqdm import tqdm
 
 from data_synth.cohort import GENERATION, hemispheres
 from data_synth.cortex import FEWEST, MOST

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Complex, Float, Integer
 from numpy import ndarray
-from tqdm.auto import tqdm
+from tqdm import tqdm
 
 from ..interrupts import signals_wait
 from ..moved import gone
