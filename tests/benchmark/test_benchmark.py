@@ -66,6 +66,10 @@ def small(out, folder, runs=MOBIUS, **options):
     return benchmark(out, 1, SIZE, runs=runs, folder=folder, workers=1, progress=False, **options)
 
 
+def recursion(problem):
+    return recursion(problem)
+
+
 def harmless(problem):
     """A good map, with all that may stand around it: words, another folder, a fork, threads that go on."""
     print("x" * 10**7)
@@ -89,6 +93,7 @@ METHODS_OF_OTHERS = {  # method -> its row's status, or the words of its message
     (lambda problem: time.sleep(3600)): "not done after 2 s and was stopped: give it more time by the limit",
     harmless: "done",
     (lambda problem, lock=LOCK: lock): "cannot be sent to a process of its own",
+    recursion: "RecursionError: maximum recursion depth exceeded",
 }
 
 

@@ -246,7 +246,7 @@ def test_the_limits_are_those_that_were_measured_and_no_good_case_is_suspect(mea
     # A map by one or two curves alone may lead away from the others: `worse:` is then true of a
     # pair without a mistake.
     assert all(case["kind"] == "good, one or two" and not case["features"] for case in told)
-    assert len(told) <= 0.5 * sum(case["kind"] == "good, one or two" and not case["features"] for case in good)
+    assert len(told) <= 0.35 * sum(case["kind"] == "good, one or two" and not case["features"] for case in good)
     assert [words(case["suspect"]) for case in told] == [["worse"]] * len(told)
 
 
