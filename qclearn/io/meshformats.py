@@ -95,9 +95,8 @@ def read_obj(path, data):
     require_triangles([len(face) for face in faces])
     vertices = np.array(vertices, dtype=np.float64).reshape(-1, 3)
     comments = [line for line in data.decode("latin-1").splitlines() if line.startswith("#")]
-    return in_ras(path, vertices, "\n".join(comments)), np.array(faces, dtype=np.int64).reshape(
-        -1, 3
-    )
+    vertices = in_ras(path, vertices, "\n".join(comments))
+    return vertices, np.array(faces, dtype=np.int64).reshape(-1, 3)
 
 
 def write_obj(surface):

@@ -6,7 +6,8 @@ import numpy as np
 from jaxtyping import Bool, Integer
 from numpy import ndarray
 
-from .checks import LARGEST, check_shapes, check_topology, components, unmasked, vertex_array
+from ..plane.checks import unmasked
+from .checks import LARGEST, check_shapes, check_topology, components, vertex_array
 from .surface import Mesh, Surface, SurfaceError, places_of, require_disk, require_surface
 
 
