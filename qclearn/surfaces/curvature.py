@@ -110,12 +110,10 @@ def sulcal_depth(surface: Surface) -> Float[ndarray, " V"]:
         raise SurfaceError(
             "the surface lies in a plane, so it has no depth; use the surface in space"
         ) from None
-    # The voxels, with room around the surface for the ball.
+    # The voxels; those around the surface are outside, which the depth is measured to.
     cell = CLOSING_CELL * scale
-    radius = CLOSING_RADIUS / CLOSING_CELL
-    margin = (radius + 4) * cell
-    origin = vertices.min(axis=0) - margin
-    shape = np.ceil((vertices.max(axis=0) + margin - origin) / cell).astype(int)
+    origin = vertices.min(axis=0) - 1.5 * cell
+    shape = np.ceil((vertices.max(axis=0) + 1.5 * cell - origin) / cell).astype(int)
     # Which voxel centres, `origin + cell * index`, lie inside the surface with its openings capped.
     points, fans = closing_fans(surface)
     with signals_wait():  # PyVista imports more when it is used
@@ -125,14 +123,35 @@ def sulcal_depth(surface: Surface) -> Float[ndarray, " V"]:
         grid = pyvista.ImageData(dimensions=shape, spacing=(cell,) * 3, origin=origin)
         mask = body.voxelize_binary_mask(reference_volume=grid)["mask"]
     body = mask.reshape(shape[::-1]).transpose(2, 1, 0) > 0
-    # The closing: the filled surface grown by the ball, and shrunk by it.
-    distance = scipy.ndimage.distance_transform_edt  # to the nearest voxel that is False
-    dilated = scipy.ndimage.binary_fill_holes(distance(~body) <= radius)
-    inward = distance(distance(dilated) > radius)
+    # The closing, with room for the ball: the body grown by it, its holes filled, and shrunk by it.
+    radius = CLOSING_RADIUS / CLOSING_CELL
+    room = int(radius) + 1
+    grown = grow(np.pad(body, room), radius)
+    outside = scipy.ndimage.label(~grown)[0] == 1  # where the first voxel lies
+    closed = ~grow(outside, radius)[(slice(room, -room),) * 3]
+    inward = scipy.ndimage.distance_transform_edt(closed)
     depth = scipy.ndimage.map_coordinates(inward, ((vertices - origin) / cell).T, order=1)
     # Half a voxel: the distance is to the nearest centre outside, the envelope lies between two
     # centres.
     return cell * np.maximum(depth - 0.5, 0)
+
+
+def grow(body, radius):
+    """The voxels whose centres lie within `radius`, in voxels and at most 11, of one in `body`.
+
+    By squared distances, one axis after the other; those beyond the radius need not be known, so
+    bytes hold them.
+    """
+    reach = int(radius)
+    squared = np.where(body, 0, 255 - reach**2).astype(np.uint8)
+    for axis in range(3):
+        lines = np.moveaxis(squared, axis, 0)
+        nearest = lines.copy(order="K")
+        for k in range(1, reach + 1):
+            nearest[k:] = np.minimum(nearest[k:], lines[:-k] + k**2)
+            nearest[:-k] = np.minimum(nearest[:-k], lines[k:] + k**2)
+        squared = np.moveaxis(nearest, 0, axis)
+    return squared <= radius**2
 
 
 @dataclass(frozen=True)

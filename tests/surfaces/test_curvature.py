@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from scipy.ndimage import distance_transform_edt
 
 from known_surfaces import icosphere, revolution, sheet
 from qcbook.figures import area_under_pixels, resolved_share
@@ -16,6 +17,7 @@ from qclearn.surfaces.curvature import (
     area_radius,
     curvature_image,
     grey_levels,
+    grow,
     mean_curvature,
     sulcal_depth,
 )
@@ -112,6 +114,14 @@ def test_a_chamber_behind_a_closed_mouth_is_deep():
     wall = abs(np.linalg.norm(surface.vertices, axis=1) - chamber) < 1e-9
     wall &= abs(surface.vertices[:, 2]) < 0.3  # away from the neck and the flat lid
     np.testing.assert_allclose(sulcal_depth(surface)[wall], 1 - chamber, atol=0.03)
+
+
+@pytest.mark.parametrize("radius", [0.9, 1.5, 6.5, 11])
+def test_a_grown_body_is_what_lies_within_the_radius(radius):
+    body = np.random.default_rng(1).random((9, 31, 40)) < 2e-4 * (13 - radius)
+    near = distance_transform_edt(~body) <= radius
+    assert body.any() and not near.all()
+    np.testing.assert_array_equal(grow(body, radius), near)
 
 
 @pytest.fixture(scope="module")
