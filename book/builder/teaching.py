@@ -1,4 +1,4 @@
-"""The tables of the guide for teachers: weeks and a day, by minutes.
+"""The tables of the guide for teachers: two weeks, six weeks and a day, by minutes.
 
 It says `:::{admonition} Table of weeks`, a line, and `:::`; the build and the copies put the table
 there.
@@ -104,8 +104,15 @@ def left(name):
     return link(name) if name in chapters() else told(name)
 
 
+def of_parts(name):
+    """The tables of a plan whose parts name their pages; a title stands above those that have one."""
+    found = []
+    for own in plan()[name]:
+        found += [f"### {own['title']}"] if "title" in own else []
+        found.append(parameterize(own["pages"], own["exercises"], own["class"]))
+    return "\n\n".join(found)
+
+
 def put(text):
     """A page's text with its tables; KeyError for one that is not there."""
-    day = plan()["day"]
-    tables = {"weeks": of_weeks, "the-day": lambda: parameterize(day["pages"], day["exercises"], day["class"])}
-    return PLACE.sub(lambda match: tables[match[1]](), text)
+    return PLACE.sub(lambda match: of_weeks() if match[1] == "weeks" else of_parts(match[1]), text)

@@ -16,22 +16,26 @@ ROOT = references.BOOK.parent
 GUIDE = references.markdown_of("teaching")
 
 
+SHORT = [*teaching.plan()["two-weeks"], *teaching.plan()["the-day"]]
+
+
 def test_the_weeks_and_the_day_fit_and_have_pages_exercises_and_work_in_class():
-    weeks, day, most = list(teaching.weeks()), teaching.plan()["day"], 60 * teaching.plan()["hours"]
+    weeks, most = list(teaching.weeks()), 60 * teaching.plan()["hours"]
     taken = {week["title"]: teaching.spent(pages, names, week["class"]) for week, pages, names in weeks}
-    taken["the day"] = teaching.spent(day["pages"], day["exercises"], day["class"])
+    taken |= {part["pages"][-1]: teaching.spent(part["pages"], part["exercises"], part["class"]) for part in SHORT}
     assert {title: sum(parts) for title, parts in taken.items() if sum(parts) > most} == {}
     assert len(weeks) == 6 and all(pages and names and week["class"] for week, pages, names in weeks)
     assert {name for week, _, names in weeks for name in (*names, *week["leave"])} >= set(EXERCISES)
-    assert {EXERCISES[name].page for name in day["exercises"]} <= set(day["pages"]) <= set(references.chapters())
+    for part in SHORT:
+        assert {EXERCISES[name].page for name in part["exercises"]} <= set(part["pages"]) <= set(references.chapters())
 
 
 def test_a_class_works_on_the_pages_of_its_week_and_meets_the_core_path():
-    kept = []
-    for week, pages, _ in teaching.weeks():
-        kept += pages
-        for _, text in week["class"]:
-            assert set(re.findall(r"\{(\w+)\}", text)) <= set(pages), f"{week['title']}: {text}"
+    weeks = [(week, pages) for week, pages, _ in teaching.weeks()]
+    for part, pages in weeks + [(part, part["pages"]) for part in SHORT]:
+        for _, text in part["class"]:
+            assert set(re.findall(r"\{(\w+)\}", text)) <= set(pages), text
+    kept = [page for _, pages in weeks for page in pages]
     assert set(CORE) <= set(kept)
 
 
@@ -46,7 +50,7 @@ def test_a_name_that_is_not_there_stops_the_build(monkeypatch, key, value):
 
 def test_the_tables_stand_in_the_pages():
     shown = teaching.put(GUIDE)
-    assert teaching.PLACE.findall(GUIDE) == ["weeks", "the-day"] and not teaching.PLACE.search(shown)
+    assert teaching.PLACE.findall(GUIDE) == ["two-weeks", "weeks", "the-day"] and not teaching.PLACE.search(shown)
     assert "### Week 6: " in shown and "`alpha-signs` (15)" in shown
     assert "[The Linear Beltrami Solver](lbs.ipynb)" in shown
     assert teaching.put("Table of weeks") == "Table of weeks"
