@@ -27,13 +27,12 @@ TABLE = {
     "surfaces.opening": "open_surface",
     "surfaces.surface": "Surface SurfaceError mirror require_disk require_outward",
 }
-MODULES = {module: names.split() for module, names in TABLE.items()}
 
-_attribute, __dir__, __all__ = attach(__name__, MODULES)
+_attribute, __dir__, __all__ = attach(__name__, TABLE)
 
 
 def __getattr__(name):
-    """A name of MODULES, or the line of one that went."""
+    """A name of TABLE, or the line of one that went."""
     if f"qclearn.{name}" in GONE:
         # `from qclearn import ...` would replace the text of an AttributeError.
         raise ImportError(gone(f"qclearn.{name}"))

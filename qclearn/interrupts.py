@@ -14,10 +14,9 @@ def signals_wait():
     For imports of compiled packages where they are first used: one that an exception ends (VTK
     makes an ImportError of it) fails for the rest of the session.
     """
-    came, answers = [], {}
-    if threading.current_thread() is threading.main_thread():
-        found = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
-        answers = {number: answer for number, answer in found.items() if callable(answer)}
+    came, here = [], threading.current_thread() is threading.main_thread()
+    found = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
+    answers = {number: answer for number, answer in found.items() if here and callable(answer)}
     for number in answers:
         signal.signal(number, lambda *given: came.append(given))
     try:
@@ -30,9 +29,7 @@ def signals_wait():
 
 
 def attach(package, table):
-    """`lazy_loader.attach`, whose imports are whole: __getattr__, __dir__ and __all__ of a package.
-
-    table: its modules, dict of the names that each brings.
-    """
-    found, *names = lazy_loader.attach(package, submod_attrs=table)
+    """`lazy_loader.attach` of a package's table, module -> names, with imports that are whole."""
+    modules = {module: names.split() for module, names in table.items()}
+    found, *names = lazy_loader.attach(package, submod_attrs=modules)
     return signals_wait()(found), *names

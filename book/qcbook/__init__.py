@@ -5,24 +5,20 @@ from qclearn.interrupts import attach
 
 EXPLORABLES = ("Mobius", "Mu", "Tuner", "Sulci", "Landmarks", "LBS", "Boundary", "Growth", "HowSure")
 TABLE = {
-    "cells": ["keep", "num", "show_figure", "table"],
-    "comparisons": [
-        *("among_people", "chain_seconds", "compare_fronts", "compare_runs", "median_pair"),
-        *("methods_and_oracles", "noted", "saving"),
-    ],
-    "diagrams": ["block_diagram"],
-    "dots": ["dot_lines", "plain_ticks", "run_dots"],
-    "examples": ["cortex_problem", "example_problems", "spread_vertices"],
-    **{f"explore_{name.lower()}": [name] for name in EXPLORABLES},
-    "fitstates": ["fit_state", "states_figure"],
-    "gliding": ["Gliding", "View", "view_figure"],
-    "live": ["explorable"],
-    "picker": ["LandmarkPicker"],
-    "paperlines": ["paper_lines", "paper_table"],
-    "traininglab": ["training_lab"],
-    "verdicts": [
-        *("FACTOR", "compared", "judge_all", "judge_bound", "judge_order", "judge_ratio", "judge_size", "side")
-    ],
+    "cells": "keep num show_figure table",
+    "comparisons": "among_people chain_seconds compare_fronts compare_runs median_pair methods_and_oracles "
+    "noted saving",
+    "diagrams": "block_diagram",
+    "dots": "dot_lines plain_ticks run_dots",
+    "examples": "cortex_problem example_problems spread_vertices",
+    **{f"explore_{name.lower()}": name for name in EXPLORABLES},
+    "fitstates": "fit_state states_figure",
+    "gliding": "Gliding View view_figure",
+    "live": "explorable",
+    "picker": "LandmarkPicker",
+    "paperlines": "paper_lines paper_table",
+    "traininglab": "training_lab",
+    "verdicts": "FACTOR compared judge_all judge_bound judge_order judge_ratio judge_size side",
 }
 
 __getattr__, __dir__, __all__ = attach(__name__, TABLE)

@@ -13,6 +13,5 @@ TABLE = {
     "run": "benchmark",
     "runs": "RUNS Run",
 }
-MODULES = {module: names.split() for module, names in TABLE.items()}
 
-__getattr__, __dir__, __all__ = attach(__name__, MODULES)
+__getattr__, __dir__, __all__ = attach(__name__, TABLE)

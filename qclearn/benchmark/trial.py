@@ -114,7 +114,7 @@ def unknown(disk):
 
 def checked(f, problem):
     """A method's answer as (V,) complex or, on the sphere, (V', 3) float; ValueError."""
-    f = np.asarray(unmasked(f, "the method's answer"))
+    f = unmasked(f, "the method's answer")
     on_sphere = f.ndim == 2 and f.shape[1] == 3 and not np.iscomplexobj(f)
     f = f.astype(float if on_sphere else complex)
     sphere = problem.pair.moving.sphere if on_sphere else None

@@ -12,15 +12,8 @@ from .safe import explain, npz_arrays, npz_bytes, read_bytes, write_whole
 # Raise it when an array's meaning changes, so that old programs do not misread new files.
 FORMAT_VERSION = 2
 # Without these nothing can be carried; version 0.1 wrote no "about" and no "mirrored".
-REQUIRED = (
-    "disk_map",
-    "disk_control",
-    "faces_moving",
-    "faces_control",
-    "about_moving",
-    "about_control",
-    "mirrored",
-)
+SIDED = [f"{name}_{side}" for name in ("faces", "about") for side in ("moving", "control")]
+REQUIRED = ["disk_map", "disk_control", *SIDED, "mirrored"]
 # (array, the array whose length is its count, shape of one row, kinds of numbers)
 SHAPES = (
     ("disk_map", "disk_map", (), "c"),

@@ -122,7 +122,7 @@ def write_surface(
         side = agreed_side(path, frame.side)
         _require_plain(surface.curves if suffix == ".npz" else ())
     numbers = original_vertices if original_vertices is not None else surface.original_vertices
-    numbers = None if numbers is None else np.asarray(unmasked(numbers, "original_vertices"))
+    numbers = None if numbers is None else unmasked(numbers, "original_vertices")
 
     def write(place):
         if suffix == ".npz":

@@ -182,7 +182,7 @@ def write_values(
     SurfaceError where format, numbers or folder do not allow it.
     """
     path = Path(path)
-    values = np.asarray(unmasked(values, path, SurfaceError))
+    values = unmasked(values, path, SurfaceError)
     suffix = suffix_of(path)
     _require_known(path, suffix, "written")
     if values.dtype.kind not in "biuf" or values.ndim not in (1, 2):

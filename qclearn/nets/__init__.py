@@ -16,7 +16,6 @@ TABLE = {
     "train": "Objective Process TrainConfig TrainingError rate_at take_step train",
     "weights": "FOLDER build load load_file read_weights save_weights",
 }
-MODULES = {module: names.split() for module, names in TABLE.items()}
 
 with require("nets", "the networks"):
-    __getattr__, __dir__, __all__ = attach(__name__, MODULES)
+    __getattr__, __dir__, __all__ = attach(__name__, TABLE)

@@ -18,7 +18,7 @@ from ..surfaces.surface import SurfaceError, require_disk
 def check_input(surface, z, endpoints):
     """z (V,) complex and endpoints (K, 2) int as arrays; SurfaceError or LandmarkError."""
     require_disk(surface)
-    z, endpoints = complex_numbers(z, "z"), np.asarray(unmasked(endpoints, "endpoints"))
+    z, endpoints = complex_numbers(z, "z"), unmasked(endpoints, "endpoints")
     if z.shape != (len(surface.vertices),) or not np.isfinite(z).all():
         raise SurfaceError(
             f"z has the shape {z.shape}, {np.count_nonzero(~np.isfinite(z))} of its numbers not "

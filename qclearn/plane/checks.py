@@ -23,19 +23,23 @@ def read_only(array):
 
 
 def unmasked(values, name, error=BeltramiError):
-    """The values, or an `error` where a masked array hides some: `np.asarray` would drop its mask."""
+    """The values as an array; an `error` where a masked array hides some (`np.asarray` would drop
+    its mask), or lists have unequal lengths."""
     if np.ma.is_masked(values):
         rows = np.unique(np.argwhere(np.ma.getmaskarray(values))[:, 0])
         raise error(
             f"{name}: values are masked in {counted(rows, 'row')}: {some(rows)}; the mask would be "
             "lost: fill them in (values.filled(0), say), or leave them out"
         )
-    return values
+    try:
+        return np.asarray(values)
+    except ValueError:
+        raise error(f"{name}: lists of unequal lengths; give an array (faces: triangles)") from None
 
 
 def blendable(values):
     """Real or complex values as an array; ValueError for what may be labels, and a masked array."""
-    values = np.asarray(unmasked(values, "values", ValueError))
+    values = unmasked(values, "values", ValueError)
     if values.dtype.kind not in "fc":
         raise ValueError(
             f"values of type {values.dtype} may be labels, which interpolation would blend into "
@@ -47,7 +51,7 @@ def blendable(values):
 def complex_numbers(values, name):
     """An array as complex128, or BeltramiError."""
     try:
-        values = np.asarray(unmasked(values, name, TypeError))
+        values = unmasked(values, name, TypeError)
         if values.dtype.kind not in "biufcO":  # NumPy would read text and count dates
             raise TypeError(f"they have type {values.dtype}")
         return values.astype(complex, copy=False)
@@ -80,11 +84,7 @@ def some(items):
 def check_faces(faces, n_vertices, error=BeltramiError):
     """Triangles as int64 (F, 3), at least one, with corners in range; or an `error`, which is a
     SurfaceError for the faces of a surface."""
-    unmasked(faces, "faces", error)
-    try:
-        faces = np.asarray(faces)
-    except ValueError:
-        raise error("faces have rows of unequal lengths; split polygons into triangles") from None
+    faces = unmasked(faces, "faces", error)
     if faces.ndim != 2 or faces.shape[1] != 3:
         raise error(
             f"faces must have the shape (F, 3), not {faces.shape}; split polygons into triangles"
@@ -106,7 +106,7 @@ def check_faces(faces, n_vertices, error=BeltramiError):
 def check_map(f, n_vertices):
     """A map as one number or point a vertex, complex (V,) or real (V, 3), or BeltramiError."""
     surface = np.ndim(f) == 2 and np.shape(f)[1] == 3 and np.asarray(f).dtype.kind in "biuf"
-    f = np.asarray(unmasked(f, "f"), float) if surface else planar_points(f, "f")
+    f = unmasked(f, "f").astype(float) if surface else planar_points(f, "f")
     if len(f) != n_vertices:
         raise BeltramiError(
             f"f has shape {f.shape}, but the mesh has {n_vertices} vertices: give one value a "

@@ -78,7 +78,7 @@ def to_square(disk, mu, size):
     counterclockwise: no pullback.
     """
     face, _ = disk.locate(square_to_disk(pixel_centres(size)).ravel() * np.exp(1j * ASIDE))
-    return np.asarray(unmasked(mu, "mu"))[face].reshape(size, size)
+    return unmasked(mu, "mu")[face].reshape(size, size)
 
 
 def from_square(image, disk):
@@ -119,7 +119,7 @@ def compression_effect(disk, mu, ks, size=128):
 
 
 def _square(image):
-    image = np.asarray(unmasked(image, "the image"))
+    image = unmasked(image, "the image")
     if image.ndim != 2 or image.shape[0] != image.shape[1]:
         raise ValueError(f"the image must be square, (N, N), not {image.shape}; see to_square")
     return image

@@ -226,7 +226,7 @@ def cotangent_stiffness(
 ) -> Float[sparse.csc_array, " V V"]:
     """The surface's stiffness matrix, off-diagonal `-(cot a + cot b)/2`: K(mu) of any embedding
     with coefficient mu."""
-    edges = opposite_edges(np.asarray(unmasked(vertices, "vertices"), float)[faces])
+    edges = opposite_edges(unmasked(vertices, "vertices").astype(float)[faces])
     area = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     blocks = np.einsum("fia,fja->fij", edges, edges) / (4 * area[:, None, None])
     return assemble(np.asarray(faces), blocks, len(vertices))

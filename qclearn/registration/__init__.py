@@ -21,26 +21,18 @@ Beside it: transfer (values carried).
 from ..interrupts import attach
 
 TABLE = {
-    "curves": ["Curve", "check_curves", "curve_distance", "curves_in_space"],
-    "diagnose": ["astray", "diagnose_landmarks"],
-    "features": ["FINEST", "FOLDS", "Feature", "check_features", "featured"],
-    "fit": ["OVERFITS", "exact_map", "fit_problem"],
-    "gauss_newton": ["PrimalStep"],
-    "levels": [
-        "GUIDING_DELTA",
-        "GUIDING_GAMMA",
-        "LEVELS",
-        "Level",
-        "MultiresolutionFit",
-        "guided",
-        "run_level",
-    ],
-    "networks": ["certified_network_map"],
-    "start": ["SurfacePair", "align_disks", "lines_by_name", "sample_landmarks"],
-    "problem": ["DELTA_BY_DISKS", "DELTA", "ETA", "Problem", "Weights"],
-    "report": ["held_out_distances", "log2_distortions", "measured_losses"],
-    "residuals": ["LandmarkTerm"],
-    "uncertainty": ["Laplace", "calibrated"],
+    "curves": "Curve check_curves curve_distance curves_in_space",
+    "diagnose": "astray diagnose_landmarks",
+    "features": "FINEST FOLDS Feature check_features featured",
+    "fit": "OVERFITS exact_map fit_problem",
+    "gauss_newton": "PrimalStep",
+    "levels": "GUIDING_DELTA GUIDING_GAMMA LEVELS Level MultiresolutionFit guided run_level",
+    "networks": "certified_network_map",
+    "start": "SurfacePair align_disks lines_by_name sample_landmarks",
+    "problem": "DELTA_BY_DISKS DELTA ETA Problem Weights",
+    "report": "held_out_distances log2_distortions measured_losses",
+    "residuals": "LandmarkTerm",
+    "uncertainty": "Laplace calibrated",
 }
 
 __getattr__, __dir__, __all__ = attach(__name__, TABLE)

@@ -104,13 +104,7 @@ def equally_spaced(points, count):
 def check_path(surface, path):
     """A vertex path as integers, or LandmarkError."""
     require_surface(surface, Mesh)
-    unmasked(path, "a curve", LandmarkError)
-    try:
-        path = np.asarray(path)
-    except ValueError:
-        raise LandmarkError(
-            "a curve must be a list of vertex indices; got lists of unequal lengths"
-        ) from None
+    path = unmasked(path, "a curve", LandmarkError)
     if path.ndim != 1 or len(path) < 2 or not np.issubdtype(path.dtype, np.integer):
         raise LandmarkError(
             "a curve must be a list of at least two vertex indices; got "
@@ -176,7 +170,7 @@ def detect_curves(
 ) -> list[Complex[ndarray, " _"]]:
     """The sulci between pairs of endpoints as curves in the disk z: shortest paths in
     `fundus_metric`, as LD-Net's."""
-    metric, ends = fundus_metric(surface), np.asarray(unmasked(endpoints, "endpoints"))
+    metric, ends = fundus_metric(surface), unmasked(endpoints, "endpoints")
     return [z[fundus_path(surface, start, end, metric)] for start, end in ends]
 
 

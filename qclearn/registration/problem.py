@@ -135,13 +135,8 @@ class Problem:
                 "sliding landmarks need the curve each belongs to: give curve (M,) of integer "
                 "labels"
             )
-        try:
-            curve = np.zeros(len(moving), int) if self.curve is None else self.curve
-            curve = np.asarray(unmasked(curve, "curve labels", LandmarkError))
-        except ValueError:
-            raise LandmarkError(
-                "curve labels are lists of unequal lengths: give integers (M,)"
-            ) from None
+        curve = np.zeros(len(moving), int) if self.curve is None else self.curve
+        curve = unmasked(curve, "curve labels", LandmarkError)
         if curve.dtype.kind not in "iu":
             raise LandmarkError(f"curve labels have type {curve.dtype}: give integers (M,)")
         if curve.shape != moving.shape:

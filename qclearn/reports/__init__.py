@@ -2,6 +2,6 @@
 
 from ..interrupts import attach
 
-TABLE = {"pair": ["write_pair"]}
+TABLE = {"pair": "write_pair"}
 
 __getattr__, __dir__, __all__ = attach(__name__, TABLE)

@@ -17,7 +17,7 @@ def origins(numbers, n_vertices):
     """original_vertices as int64, or None."""
     if numbers is None:
         return None
-    numbers = np.asarray(unmasked(numbers, "original_vertices", SurfaceError))
+    numbers = unmasked(numbers, "original_vertices", SurfaceError)
     sound = numbers.shape == (n_vertices,) and np.issubdtype(numbers.dtype, np.integer)
     if not sound or numbers.min() < 0 or (np.diff(np.sort(numbers)) == 0).any():
         raise SurfaceError(
@@ -36,7 +36,7 @@ def vertex_array(vertices, finite=True):
             "1)"
         )
     try:
-        given = np.asarray(unmasked(vertices, "vertices", TypeError)).dtype
+        given = unmasked(vertices, "vertices", TypeError).dtype
         vertices = np.array(vertices, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
         raise SurfaceError(

@@ -95,7 +95,7 @@ def _without_wall(mesh, mask, cut):
 
 
 def _checked_mask(surface, mask):
-    mask, n_vertices = np.asarray(unmasked(mask, "the mask", SurfaceError)), len(surface.vertices)
+    mask, n_vertices = unmasked(mask, "the mask", SurfaceError), len(surface.vertices)
     if mask.dtype != bool or mask.shape != (n_vertices,):
         raise SurfaceError(
             f"the mask must be {n_vertices} booleans, one a vertex (True = cut), not {mask.dtype} "

@@ -14,18 +14,10 @@ from numpy import ndarray
 from scipy.sparse import csc_array, csr_array
 from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 
-from ..plane.checks import SurfaceError, check_faces, read_only
+from ..plane.checks import SurfaceError, check_faces, read_only, some
 from ..plane.disk import closed_loops
 from ..plane.linear import around_vertices, cotangent_stiffness, edge_lengths
-from .checks import (
-    check_shapes,
-    check_topology,
-    curve_path,
-    merged_numbers,
-    origins,
-    some,
-    vertex_array,
-)
+from .checks import check_shapes, check_topology, curve_path, merged_numbers, origins, vertex_array
 
 
 class Surface:
@@ -136,16 +128,9 @@ class Surface:
         """Length of the edge opposite each corner of each face."""
         return read_only(edge_lengths(self.vertices[self.faces]))
 
-    def __getstate__(self):
-        """A pickle has no matrix and no lengths: they are made again where they are needed."""
-        return {k: v for k, v in vars(self).items() if k not in ("stiffness", "edge_lengths")}
-
-    def __setstate__(self, state):
-        """Pickles and deep copies keep the arrays, and not that they are read-only."""
-        vars(self).update(state)
-        for array in (*state.values(), *self.curves.values(), *state.get("boundary_loops", ())):
-            if isinstance(array, ndarray):
-                array.flags.writeable = False
+    def __reduce__(self):
+        """Pickles and copies are made anew of these arrays, read-only like the first."""
+        return Surface, (self.vertices, self.faces, self.curves, self.original_vertices)
 
     @property
     def area(self) -> float:

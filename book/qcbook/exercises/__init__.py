@@ -2,6 +2,6 @@
 
 from qclearn.interrupts import attach
 
-TABLE = {"exercise": ["EXERCISES", "check"]}
+TABLE = {"exercise": "EXERCISES check"}
 
 __getattr__, __dir__, __all__ = attach(__name__, TABLE)

@@ -17,22 +17,10 @@ from .solver import LandmarkSolver
 from .teichmuller import teichmuller
 from .thin_plate import thin_plate
 
-METHODS = {
-    "mobius_only": mobius_only,
-    "harmonic": harmonic,
-    "thin_plate": thin_plate,
-    "qc_iteration": qc_iteration,
-    "teichmuller": teichmuller,
-    "gauss_newton": gauss_newton,
-    "coarse_steps": coarse_steps,
-    "hybrid": hybrid,
-    "dense": dense,
-    "landmark_free": landmark_free,
-    "cpnet_dbsnet": cpnet_dbsnet,
-    "cpnet_exact": cpnet_exact,
-    "cpnet_steps": cpnet_steps,
-    "guarded": guarded,
-    "rotation": rotation,
-}
+_ALL = (
+    mobius_only, harmonic, thin_plate, qc_iteration, teichmuller, gauss_newton, coarse_steps, hybrid,
+    dense, landmark_free, cpnet_dbsnet, cpnet_exact, cpnet_steps, guarded, rotation,
+)  # fmt: skip
+METHODS = {method.__name__: method for method in _ALL}
 
 __all__ = ["METHODS", "LandmarkSolver", *METHODS]
