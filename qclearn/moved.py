@@ -1,8 +1,11 @@
 """What went with version 0.3, and what stands in its place: one line each, until 0.4."""
 
-_LPS = "; of 3D Slicer, whose files are in LPS, m.points * [-1, -1, 1]"
 _OWN = "the page 'Your own brain' (book/ownbrain.ipynb)"
-_PYVISTA = "m = pyvista.read(path).triangulate(), then qclearn.Surface(m.points, m.regular_faces)"
+_PYVISTA = (
+    "m = pyvista.read(path){}.triangulate(), then qclearn.Surface(m.points, m.regular_faces){}; of "
+    "3D Slicer, whose files are in LPS, m.points * [-1, -1, 1]"
+)
+_WITHOUT = _PYVISTA.format("", " (without clean(), which numbers the vertices anew)")
 _TEMPLATE = (
     "fsaverage5 is the common space, and 'From pairs to a group' makes one round of an average"
 )
@@ -28,10 +31,8 @@ GONE = {
     "benchmark(programs=)": _METHOD,
     "benchmark(peers=)": "measured by python -m book.studies.peers",
     # formats of surfaces
-    ".vtk": f"{_PYVISTA} (without clean(), which numbers the vertices anew){_LPS}",
-    ".vtp": f"{_PYVISTA} (without clean(), which numbers the vertices anew){_LPS}",
-    ".stl": "m = pyvista.read(path).clean().triangulate(), then "
-    f"{_PYVISTA.partition('then ')[2]}{_LPS}",
+    **dict.fromkeys((".vtk", ".vtp"), _WITHOUT),
+    ".stl": _PYVISTA.format(".clean()", ""),
     ".off": "m = trimesh.load(path, process=False), then qclearn.Surface(m.vertices, m.faces)",
     "MNI's .obj": "the page 'Files, formats and exit codes' reads it in eight lines",
 }

@@ -4,9 +4,9 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from ..plane.linear import corner_angles, edge_lengths, face_areas
+from ..plane.linear import corner_angles, edge_lengths
 from ..registration.curves import weigh_edges
-from ..registration.report import SMALLEST_RATIO, coefficient_statistics
+from ..registration.report import coefficient_statistics, log2_distortions
 
 
 def coefficient_measures(surface, disk, mu):
@@ -59,14 +59,11 @@ def distortion_measures(surface, points):
     """Distortion of the registration in space, moving surface -> points (V, 3) on the control.
 
     `angle_distortion`: mean over corners of |angle there - angle here|, degrees; `area_distortion`:
-    mean over the area of |log2 of the area ratio|, total areas made equal, the ratio at least
-    `SMALLEST_RATIO`.
+    `log2_area`, its mean over the area.
     """
     here = corner_angles(surface.edge_lengths)
     there = corner_angles(edge_lengths(points[surface.faces]))
-    areas = face_areas(points, surface.faces)
-    ratio = np.maximum((areas / areas.sum()) / (surface.face_areas / surface.area), SMALLEST_RATIO)
     return {
         "angle_distortion": float(np.degrees(abs(there - here)).mean()),
-        "area_distortion": float(np.average(abs(np.log2(ratio)), weights=surface.face_areas)),
+        "area_distortion": log2_distortions(surface, points)["log2_area"][0],
     }

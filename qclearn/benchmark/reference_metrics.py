@@ -3,7 +3,6 @@
 import numpy as np
 import scipy
 
-from ..plane.linear import face_areas
 from ..registration.curves import (
     POINTS_PER_CURVE,
     SAMPLES,
@@ -13,7 +12,7 @@ from ..registration.curves import (
     sample_curve,
 )
 from ..registration.features import standardised
-from ..registration.report import distortion_maps, log2_distortions, quantile
+from ..registration.report import area_and_shape, log2_distortions, quantile
 from .images import OnDisk
 
 # Figures of held-out curves, figures of the true map itself, and their names in a row.
@@ -110,15 +109,6 @@ def log2_means(surface, points):
     distortions = log2_distortions(surface, points)
     means = {name: mean for name, (mean, _) in distortions.items()}
     return means | {f"p95_{name}": p95 for name, (_, p95) in distortions.items()}
-
-
-def area_and_shape(surface, points):
-    """log2 J and log2 R (V,) at the vertices, for surface -> points (V, 3) of equal total area.
-
-    As `wb_command -surface-distortion -local-affine-method -log2`.
-    """
-    share = np.sqrt(surface.area / face_areas(points, surface.faces).sum())
-    return distortion_maps(surface.vertices, surface.faces, share * points)
 
 
 def tails(surface, points):

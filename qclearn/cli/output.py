@@ -34,10 +34,10 @@ class Word(click.types.StringParamType):
     """Text that is there: not what `--out "$A"` and `--out $A --report` give where A is not set."""
 
     def convert(self, value, param, ctx):
-        if not str(value).strip() or str(value).startswith("--"):
+        if not value.strip() or value.startswith("--"):
             advice = "set the variable that it comes from, or leave this out"
             self.fail(f"{value!r} is {'an option' if value.strip() else 'empty'}; {advice}")
-        return super().convert(value, param, ctx)
+        return value
 
 
 def file_option(help):
@@ -50,14 +50,10 @@ def file_option(help):
 def file_to_write(path):
     """The path of a file that a command will write; OSError where it cannot."""
     place = Path(path).absolute()
-    faults = {
-        "is a folder": place.is_dir(),
-        "the command reads it": is_read(place, 1),
-        "its folder does not exist or is not writable": not os.access(
-            place.parent, os.W_OK | os.X_OK
-        ),
-    }
-    for fault in filter(faults.get, faults):
+    fault = "is a folder" if place.is_dir() else is_read(place, 1) and "the command reads it"
+    if not fault and not os.access(place.parent, os.W_OK | os.X_OK):
+        fault = "its folder does not exist or is not writable"
+    if fault:
         raise OSError(f"{path}: cannot be written: {fault}; make it, or give another --out")
     return path
 

@@ -15,7 +15,7 @@ _VOLUME = "a volume: mri_vol2surf or wb_command -volume-to-surface-mapping"
 NIFTI = f"{_CIFTI}; {_OVERLAY}; {_VOLUME}"
 _AFNI = "AFNI's format; convert it: ConvertDset -o_gii -input IN -prefix OUT"
 _BRAINVISA = "BrainVISA's format; convert it: AimsFileConvert -i IN -o OUT.gii"
-_TABLE = "a table; save the column of a map: numpy.savetxt('OUT.txt', pandas.{}['NAME'])"
+_TABLE = "a table; save the column of a map: numpy.savetxt('OUT.txt', pandas.read_{}(IN)['NAME'])"
 _ARRAYS = "save a map by numpy.save('OUT.npy', {}); a surface is qclearn.Surface(vertices, faces)"
 BY_SUFFIX = {
     ".asc": "FreeSurfer's text; convert a surface: mris_convert IN OUT.surf.gii; of a map, save the "
@@ -25,9 +25,9 @@ BY_SUFFIX = {
     ".srf": "BrainVoyager's surface; bvbabel.srf.read_srf(path) gives its vertices and faces",
     ".smp": "BrainVoyager's maps; bvbabel.smp.read_smp(path) gives them: numpy.save('OUT.npy', map)",
     ".dfs": "BrainSuite's; s = dfsio.readdfs(path), then qclearn.Surface(s.vertices, s.faces)",
-    ".csv": _TABLE.format("read_csv(IN)"),
-    ".tsv": _TABLE.format("read_table(IN)"),
-    ".xlsx": _TABLE.format("read_excel(IN)"),
+    ".csv": _TABLE.format("csv"),
+    ".tsv": _TABLE.format("table"),
+    ".xlsx": _TABLE.format("excel"),
     ".mat": _ARRAYS.format("scipy.io.loadmat(IN)['NAME']") + ", faces from 0 on",
     **dict.fromkeys((".h5", ".hdf5"), _ARRAYS.format("h5py.File(IN)['NAME'][:]")),
     **dict.fromkeys(

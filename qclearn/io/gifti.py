@@ -86,15 +86,15 @@ def side_of_image(image):
     return sides[0] if sides else None
 
 
-def surface_arrays(path, image):
-    """Points, in RAS, and triangles of a surface's image."""
+def surface_arrays(path, data):
+    """Points, in RAS, and triangles of a surface's file."""
+    image = parse(path, data)
     points = image.get_arrays_from_intent("NIFTI_INTENT_POINTSET")
     triangles = image.get_arrays_from_intent("NIFTI_INTENT_TRIANGLE")
     if len(points) != 1 or len(triangles) != 1:
         advice = "give a .surf.gii with one point set and its triangles"
         raise SurfaceError(f"is GIFTI, but not one surface; {advice}")
-    meta = {**image.meta, **points[0].meta}
-    header = "\n".join(f"{name}={text}" for name, text in meta.items())
+    header = "\n".join(f"{a}={b}" for a, b in {**image.meta, **points[0].meta}.items())
     header += "\nspace=LPS" if turns(points[0].coordsys) else ""
     vertices, table = in_ras(path, points[0].data, header), points[0].meta.get(_TABLE)
     if table is not None:  # the numbers of a disk's vertices in the whole surface
@@ -105,11 +105,10 @@ def surface_arrays(path, image):
     return vertices, triangles[0].data, {}, table
 
 
-def turns(given):
+def turns(own):
     """Whether a coordinate system's matrix turns x and y round into a known space: all are RAS."""
-    if not given or given.dataspace is None or not given.xformspace or np.size(given.xform) != 16:
-        return False
-    return np.array_equal(np.reshape(given.xform, (4, 4))[:3, :3], np.diag([-1, -1, 1]))
+    known = own and own.dataspace is not None and own.xformspace and np.size(own.xform) == 16
+    return known and np.array_equal(np.reshape(own.xform, (4, 4))[:3, :3], np.diag([-1, -1, 1]))
 
 
 def maps_of(image):
@@ -184,8 +183,8 @@ def frame_of_image(path, image):
     # A coordinate system counts with a known name and a 4 x 4 matrix.
     given, space = points[0].coordsys, None
     if given and given.dataspace is not None and np.size(given.xform) == 16:
-        turn = np.diag([-1, -1, 1, 1]) if turns(given) else np.eye(4)  # as `surface_arrays` does
-        xform = np.reshape(given.xform, (4, 4)) @ turn
+        xform = np.reshape(given.xform, (4, 4))
+        xform = xform @ np.diag([-1, -1, 1, 1]) if turns(given) else xform
         space = GiftiCoordSystem(given.dataspace, given.xformspace, xform)
     elif given:
         fault = "its coordinate system has an unknown name or not 4 x 4 numbers, and is left out"

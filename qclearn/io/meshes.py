@@ -140,7 +140,7 @@ def write_surface(
             place.write_bytes(gifti.zipped(path, gifti.surface_bytes(surface, full, numbers)))
         elif suffix in _WRITERS:
             place.write_bytes(_WRITERS[suffix](surface))
-        else:
+        elif suffix in _FREESURFER_SUFFIXES or is_freesurfer_name(path, suffix):
             vertices, volume, flag = surface.vertices, frame.volume, is_flagged(frame.volume)
             if volume and frame.in_scanner and not flag:
                 vertices = frame.to_tkr(vertices)
@@ -150,12 +150,10 @@ def write_surface(
             if flag:  # which nibabel does not write
                 start, end, rest = place.read_bytes().rpartition(b"\0\0\0\x14valid")
                 place.write_bytes(start[:-1] + b"\1" + end + rest)
+        else:
+            message = _unknown_format(suffix, "nor is the name one of FreeSurfer, such as lh.pial")
+            raise SurfaceError(f"{path}: {message}")
 
-    last = path.suffix.lower()
-    freesurfer = last in _FREESURFER_SUFFIXES or is_freesurfer_name(path, last)
-    if suffix not in (".npz", ".gii", *_WRITERS) and not freesurfer:
-        message = _unknown_format(suffix, "nor is the name one of FreeSurfer, such as lh.pial")
-        raise SurfaceError(f"{path}: {message}")
     safe.write_whole(path, write)
 
 
@@ -248,10 +246,7 @@ def _volume_of(footer):
 
 _READERS = {
     ".npz": ("npz file", _read_npz),
-    ".gii": (
-        "GIFTI surface",
-        lambda path, data: gifti.surface_arrays(path, gifti.parse(path, data)),
-    ),
+    ".gii": ("GIFTI surface", gifti.surface_arrays),
     ".ply": ("PLY file", meshformats.read_ply),
     ".obj": ("OBJ file", meshformats.read_obj),
 }

@@ -28,10 +28,6 @@ _BAD_BYTES = (
 _LIBRARIES = {"nibabel", "numpy", "plyfile", "zipfile", "gzip", "xml", "ast", "tokenize", "json"}
 # What XML cannot hold, nor UTF-8 (surrogates), nor a reader give back (a carriage return).
 _UNSOUND = re.compile("[^\t\n -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-# DataLad's and Git LFS's place holders; links as SMB, Cygwin and WSL keep them, or bare in a text.
-_POINTER = re.compile(
-    rb"[./]*(\.git)?/annex/objects/|version https://git-lfs|XSym\n|!<symlink>|IntxLNK|([\w./-]*/)?[lr]h\.[\w.]+\s*$"
-)
 NOT_PLAIN = "is longer than 200 characters or holds control characters"
 
 
@@ -45,23 +41,19 @@ class LeftOutWarning(UserWarning):
 
 def read_bytes(path):
     """All bytes of a file, unzipped where they are gzip's under any name, a text with a byte order
-    mark (Windows) in UTF-8 without it; SurfaceError, also for a pointer in the file's place."""
+    mark (Windows) in UTF-8 without it; SurfaceError, also for one of DataLad's or Git LFS's pointers."""
     try:
         data = path.read_bytes()
         data = gzip.decompress(data) if data.startswith(b"\x1f\x8b") else data
     except (OSError, EOFError, zlib.error) as error:
         reason = getattr(error, "strerror", None) or error  # damaged gzip has none
-        advice = "check the name and copy the file again"
-        if path.is_symlink():
-            advice = f"it is a link to {path.readlink()}: get that file (datalad get), or copy it"
+        what = f"the link to {path.readlink()}" if path.is_symlink() else "the name"
+        advice = f"check {what} and copy the file again"
         raise SurfaceError(f"{path}: cannot be read ({reason}); {advice}") from None
     if not data:
         raise SurfaceError(f"{path}: the file is empty; copy or export it again")
-    if len(data) < 2000 and _POINTER.match(data):
-        raise SurfaceError(
-            f"{path}: only points to the file ({printable(text_of(data))[:80]!r}): get its content "
-            "(datalad get, git lfs pull), or give the file that this link names"
-        )
+    if re.match(rb"[./]*(\.git)?/annex/objects/|version https://git-lfs", data):
+        raise SurfaceError(f"{path}: only points to the file; get it (datalad get, git lfs pull)")
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", errors="replace").encode()
     return data.removeprefix(codecs.BOM_UTF8)

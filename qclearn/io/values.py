@@ -3,6 +3,7 @@
 import io
 import math
 import re
+from functools import partial
 from itertools import dropwhile
 from pathlib import Path
 from typing import NamedTuple
@@ -34,7 +35,6 @@ _REFUSED = {
 
 # FreeSurfer's type of an MGH's numbers -> NumPy's.
 _MGH_TYPES = {0: ">u1", 1: ">i4", 3: ">f4", 4: ">i2", 10: ">u2"}
-_NUMBER = re.compile(r"(?i)[-+]?(\d+\.?\d*|\.\d+)([ed][-+]?\d+)?|[-+]?(nan|inf(inity)?)")
 
 # One number a vertex, or k of them.
 Values = Real[ndarray, " V *k"] | Bool[ndarray, " V *k"]
@@ -199,34 +199,28 @@ def write_values(
             is_metric = any(part.lower() in (".func", ".shape") for part in path.suffixes)
             keys = [column for column in columns if column.dtype.kind == "i"]
             table = gifti.table_of(np.stack(keys), labels) if keys and not is_metric else None
-            data = gifti.zipped(path, gifti.values_bytes(columns, side, table, names))
+            data = gifti.values_bytes(columns, side, table, names)
+        write = partial(Path.write_bytes, data=gifti.zipped(path, data))
     elif suffix in (".mgh", ".mgz"):
         voxels = _fitting(path, values).reshape(len(values), 1, 1, *values.shape[1:])
-        data = gifti.zipped(path, nibabel.MGHImage(voxels, np.eye(4)).to_bytes())
+        data = nibabel.MGHImage(voxels, np.eye(4)).to_bytes()
+        write = partial(Path.write_bytes, data=gifti.zipped(path, data))
     elif suffix == ".annot":
         if values.dtype.kind not in "biu" or values.ndim != 1 or values.min() < -1:
             wanted = "one label a vertex, a whole number from 0 on, or -1 for none"
             raise SurfaceError(f"{path}: an annotation holds {wanted}")
-        table = gifti.table_of(values, labels)
+        write = partial(annotations.write, values=values, labels=gifti.table_of(values, labels))
     elif suffix in _MAP_SUFFIXES or is_freesurfer_name(path, suffix):
         numbers = _fitting(path, values, integer=False)
-    elif suffix not in (".npy", ".txt"):
+        write = partial(nibabel.freesurfer.write_morph_data, values=numbers)
+    elif suffix == ".npy":
+        np.save(data := io.BytesIO(), values)
+        write = partial(Path.write_bytes, data=data.getvalue())
+    elif suffix == ".txt":
+        write = partial(np.savetxt, X=values, fmt="%d" if values.dtype.kind in "iub" else "%.17g")
+    else:
         message = f"not a format that is written here: {_FORMATS}"
         raise SurfaceError(f"{path}: {message}; choose another name")
-
-    def write(place):
-        if suffix in (".gii", ".mgh", ".mgz"):
-            place.write_bytes(data)
-        elif suffix == ".annot":
-            annotations.write(place, values, table)
-        elif suffix == ".npy":
-            with place.open("wb") as file:
-                np.save(file, values)
-        elif suffix == ".txt":
-            np.savetxt(place, values, fmt="%d" if values.dtype.kind in "iub" else "%.17g")
-        else:
-            nibabel.freesurfer.write_morph_data(place, numbers)
-
     write_whole(path, write)
 
 
@@ -285,26 +279,24 @@ def _read_npy(_, data):
 
 def _read_txt(_, data):
     # comments, but not 1.#QNAN of Windows; NA as R, NULL and None as others write it
-    lines = (re.sub(r"(^|\s)#.*", "", line) for line in data.decode().splitlines())
-    lines = [re.sub(r"\b(NA|N/A|NULL|None)\b", "nan", line) for line in lines if line.strip()]
+    text = "\n".join(re.sub(r"(^|\s)#.*", "", line) for line in data.decode().splitlines())
+    text = re.sub(r"\b(NA|N/A|NULL|None)\b", "nan", text)
+    lines = [line for line in text.splitlines() if line.strip()] or [""]
     # A line of names may stand above one column. What else looks like a table may mean anything.
-    words = re.split(r"[\s,;]+", lines[0]) if lines else []
-    above = re.match(r"[\W_]*[^\W\d_]", " ".join(words)) and not any(map(_NUMBER.fullmatch, words))
-    table = re.search("[,;]", "".join(lines)) or (above and len(lines[-1].split()) > 1)
-    if not table:
+    above = re.match(r"(?i)[\W_]*(?!(nan|inf(inity)?)\b)[^\W\d_]", lines[0])
+    if not re.search("[,;]", text) and not (above and len(lines[-1].split()) > 1):
         lines = lines[1:] if above else lines
         whole = re.fullmatch(r"[\s\d+-]*", " ".join(lines))  # NumPy would also cut 0.5 to 0
         values = np.loadtxt(lines, np.int64 if whole else np.float64, comments=None, ndmin=1)
         # The first of many columns may number the vertices, as in FreeSurfer's text.
-        table = values.ndim == 2 and len(values) > values.shape[1]
-        table = table and not np.ptp(np.sort(values[:, 0]) - np.arange(len(values)))
-    if table:
-        raise SurfaceError(
-            f"holds a table or commas ({printable(lines[0][:40])!r}); save the column of a map alone, "
-            "in the vertices' order: numpy.savetxt('OUT.txt', table['NAME']), table = "
-            "pandas.read_csv(IN, sep=None, engine='python')"
-        )
-    return values
+        long = values.ndim == 2 and len(values) > values.shape[1]
+        if not long or np.ptp(np.sort(values[:, 0]) - np.arange(len(values))):
+            return values
+    raise SurfaceError(
+        f"holds a table or commas ({printable(lines[0][:40])!r}); save the column of a map alone, "
+        "in the vertices' order: numpy.savetxt('OUT.txt', table['NAME']), table = "
+        "pandas.read_csv(IN, sep=None, engine='python')"
+    )
 
 
 _READERS = {

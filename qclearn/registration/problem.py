@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from operator import itemgetter
 
 import numpy as np
 
@@ -47,23 +48,19 @@ class Weights:
     eta: float = 0.0
 
     def __post_init__(self):
-        rule = "alpha and gamma must be positive and finite, beta not negative"
-        rules = {
-            "delta": f"must be finite and not negative ({DELTA:g} by default)",
-            "eta": "must be finite and not negative (0: areas are left out)",
-        }
+        rule = "alpha and gamma must be positive, the others not negative, and all finite"
         for name, value in vars(self).items():
             positive = name in ("alpha", "gamma")
             if not (is_finite(value) and (value > 0 if positive else value >= 0)):
-                raise LandmarkError(f"{name} = {value!r}: {rules.get(name, rule)}")
+                raise LandmarkError(f"{name} = {value!r}: {rule}")
             vars(self)[name] = float(value)  # reports are JSON, which knows no numbers of NumPy
         most = min(LARGEST * max(self.alpha, self.beta), LARGEST_ALONE)
-        for name, value in vars(self).items():
-            if value > most:
-                raise LandmarkError(
-                    f"{name} = {value:g}: over {most:g} rounding decides; "
-                    f"give at most {LARGEST:g} times the larger of alpha and beta, and {LARGEST_ALONE:g}"
-                )
+        name, value = max(vars(self).items(), key=itemgetter(1))
+        if value > most:
+            raise LandmarkError(
+                f"{name} = {value:g}: over {most:g} rounding decides; give at most {LARGEST:g} times "
+                f"the larger of alpha and beta, and {LARGEST_ALONE:g}"
+            )
 
     @property
     def factors(self):

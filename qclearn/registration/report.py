@@ -212,6 +212,15 @@ def distortion_maps(vertices, faces, images):
     return np.log2(np.maximum(ratio, SMALLEST_IN_FILES)), np.log2(mean_shape)
 
 
+def area_and_shape(surface, points):
+    """log2 J and log2 R (V,) at the vertices, for surface -> points (V, 3) of equal total area.
+
+    As `wb_command -surface-distortion -local-affine-method -log2`.
+    """
+    share = np.sqrt(surface.area / face_areas(points, surface.faces).sum())
+    return distortion_maps(surface.vertices, surface.faces, share * points)
+
+
 def stretches(vertices, faces, images):
     """Ratios of the areas, and of the principal stretches, `(1 + |mu|) / (1 - |mu|)`, of a map of
     faces, (F,) each."""

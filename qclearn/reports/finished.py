@@ -10,9 +10,9 @@ import numpy as np
 from ..io.mapfile import read_registration
 from ..io.safe import read_bytes
 from ..plane.disk import Disk
-from ..plane.linear import around_vertices, face_areas
+from ..plane.linear import around_vertices
 from ..registration.features import FINEST, Features, Smoothing
-from ..registration.report import SMALLEST_RATIO
+from ..registration.report import area_and_shape
 from ..surfaces.conformal import ParameterizedSurface
 from ..surfaces.curvature import mean_curvature
 from ..surfaces.surface import Surface, SurfaceError
@@ -106,11 +106,8 @@ class FinishedRegistration:
         """The `Maps` of this registration on its control."""
         surface = self.moving.surface
         faces = surface.faces
-        # Per vertex: the ratio of its shares of both areas, and the mean of |mu| over its faces.
-        share_on_control = around_vertices(face_areas(self.arrays["points"], faces), faces)
-        share_on_control = share_on_control / share_on_control.sum()
-        share = surface.vertex_areas / surface.vertex_areas.sum()
-        ratio = np.maximum(share_on_control / share, SMALLEST_RATIO)
+        # Per vertex: the ratio of the areas around it, and the mean of |mu| over its faces.
+        log2_area, _ = area_and_shape(surface, self.arrays["points"])
         weighted_mu = surface.face_areas * abs(self.arrays["mu"])
         mu = around_vertices(weighted_mu, faces) / (3 * surface.vertex_areas)
         curvature = self.moving.smoothing.at(FINEST)[:, 0]
@@ -118,7 +115,7 @@ class FinishedRegistration:
         z = self.control.disk.z
         disk = self.moving.disk
         before = disk.interpolate(curvature, disk.locate(z))
-        values = np.stack([curvature, mu, np.log2(ratio)], axis=1)
+        values = np.stack([curvature, mu, log2_area], axis=1)
         registered = self.moving.disk.at(self.arrays["disk_map"])
         after, mu, log2_area = registered.interpolate(values, registered.locate(z)).T
         return Maps(self.control.smoothing.at(FINEST)[:, 0], before, after, mu, log2_area)

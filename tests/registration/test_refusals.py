@@ -72,7 +72,7 @@ def test_large_weights_beside_large_others_are_taken():
 
 @pytest.mark.parametrize("name, value", [(name, value) for name, values in NO_WEIGHTS.items() for value in values])
 def test_weights_that_cannot_be_are_refused_before_any_work(name, value):
-    message = f"{name} = {value!r}: .*must be {'finite and not' if name in ('delta', 'eta') else 'positive and finite'}"
+    message = f"{name} = {value!r}: alpha and gamma must be positive, the others not negative, and all finite"
     for more in ({}, ALONE):
         refused(LandmarkError, message, None, None, None, **{name: value}, **more)
 
