@@ -1,6 +1,5 @@
-"""Settings that every test shares: nothing opens a window, hypothesis draws the same examples in
-every run, and the library's public functions are held to the shapes that they are annotated with.
-"""
+"""Settings that every test shares: nothing opens a window, hypothesis draws the same examples in every run, and the
+library's public functions are held to the shapes that they are annotated with."""
 
 import os
 
@@ -17,8 +16,7 @@ os.environ.setdefault("PYVISTA_OFF_SCREEN", "true")
 os.environ.setdefault("MPLBACKEND", "agg")
 os.environ["QCLEARN_SUBJECTS"] = str(FOLDER)
 
-# Files that take longest, a half of the time of all unit tests between them, as of pytest
-# --durations.
+# Files that take longest, a half of the time of all unit tests between them, as of pytest --durations.
 LONGEST = [
     "test_benchmark.py",
     "test_nbgrader.py",

@@ -1,5 +1,4 @@
-"""The catalogue of closed-form maps of `qcbook.exactmaps`, and more of them that tests alone
-need."""
+"""The catalogue of closed-form maps of `qcbook.exactmaps`, and more of them that tests alone need."""
 
 import numpy as np
 
@@ -28,8 +27,7 @@ def moebius(a, theta):
 
 
 def after(g, f):
-    """g after f, derivatives by the chain rule; `largest` is the bound for quasi-conformal
-    compositions."""
+    """g after f, derivatives by the chain rule; `largest` is the bound for quasi-conformal compositions."""
 
     def f_z(z):
         w = f(z)

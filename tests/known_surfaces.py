@@ -29,14 +29,12 @@ def longitudes(points):
 
 
 def distance_to_floor(points):
-    """How far in latitude points (k, 3) of the grooved sphere lie from the middle of its groove,
-    radians."""
+    """How far in latitude points (k, 3) of the grooved sphere lie from the middle of its groove, radians."""
     return abs(np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1])) - latitude(longitudes(points)))
 
 
 def grooved_sphere():
-    """A sphere of 2045 vertices, open below, with a winding groove 0.2 deep; and two vertices on
-    the groove's floor."""
+    """A sphere of 2045 vertices, open below, with a winding groove 0.2 deep; and two vertices on the groove's floor."""
     ball = icosphere(4, -0.6)
     along, away = longitudes(ball.vertices), distance_to_floor(ball.vertices)
     depth = 0.2 * np.exp(-((away / 0.12) ** 2)) * (abs(along) < 1.6)
@@ -45,16 +43,14 @@ def grooved_sphere():
 
 
 def sheet(n=61, width=1.0, height=None):
-    """The graph of height(x, y), or 0, over [0, width]^2 in n x n vertices, faces looking up; and
-    x, y (V,)."""
+    """The graph of height(x, y), or 0, over [0, width]^2 in n x n vertices, faces looking up; and x, y (V,)."""
     x, y = (axis.ravel() for axis in np.meshgrid(*[np.linspace(0, width, n)] * 2))
     z = 0 * x if height is None else height(x, y)
     return Surface(np.stack([x, y, z], 1), grid_faces(n, n)), x, y
 
 
 def grid_faces(rows, columns):
-    """Faces of a grid numbered row by row, counter-clockwise where x grows with the column and y
-    with the row."""
+    """Faces of a grid numbered row by row, counter-clockwise where x grows with the column and y with the row."""
     a = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
     above = a + columns
     return np.concatenate([np.stack([a, a + 1, above + 1], 1), np.stack([a, above + 1, above], 1)])
@@ -71,8 +67,7 @@ def revolution(profile, nt=96):
 
 
 def torus(large, n=120, m=60):
-    """Torus of radii `large` and 1, outward; its principal curvatures are 1 and the second result
-    (V,)."""
+    """Torus of radii `large` and 1, outward; its principal curvatures are 1 and the second result (V,)."""
     u, v = (np.linspace(0, 2 * np.pi, k, endpoint=False) for k in (n, m))
     u, v = (axis.ravel() for axis in np.meshgrid(u, v))
     distance = large + np.cos(v)

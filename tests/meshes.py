@@ -38,8 +38,7 @@ def random_mu(rng, z, faces, largest):
 
 
 def bowl(height, rings=8, lean=0.0, curves=None):
-    """A bowl, bottom up, steeper on one side with `lean`; vertices as in `polar_disk(rings, 3 *
-    rings)`."""
+    """A bowl, bottom up, steeper on one side with `lean`; vertices as in `polar_disk(rings, 3 * rings)`."""
     z, faces = polar_disk(rings, 3 * rings)
     rise = height * (1 - abs(z) ** 2) * (1 + lean * z.real)
     return Surface(np.stack([z.real, z.imag, rise], axis=1), faces, curves or {})

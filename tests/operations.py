@@ -1,5 +1,4 @@
-"""How many lines of Python a call runs: what grows with the size of a mesh is a loop, on machines
-of any speed."""
+"""How many lines of Python a call runs: what grows with the size of a mesh is a loop, on machines of any speed."""
 
 import sys
 

@@ -12,8 +12,7 @@ FOLDER = folder()
 
 
 def grown(seed, n_vertices, hemisphere="left", generation=GENERATION):
-    """`make_cortex`, grown by whoever asks first. Each call reads arrays of its own, so that a test
-    may change them."""
+    """`make_cortex`, grown by whoever asks first. Each call reads arrays of its own, so that a test may change them."""
     path = subject_path(FOLDER, seed, n_vertices, generation, hemisphere)
     path.parent.mkdir(exist_ok=True)
     with path.with_suffix(".lock").open("w") as lock:

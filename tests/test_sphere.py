@@ -24,8 +24,7 @@ FILES = ["ArealDistortion.shape.gii", "ShapeDistortion.shape.gii", "sphere.reg",
 
 @pytest.fixture(scope="module")
 def maps():
-    """fsaverage5's right hemisphere, mirrored, on its left one: conformal maps and the best Möbius
-    map by landmarks."""
+    """fsaverage5's right hemisphere, mirrored, on its left one: conformal maps and the best Möbius map by landmarks."""
     sides = {side: read_hemisphere(f"fsaverage5:{name}") for side, name in (("moving", "right"), ("control", "left"))}
     disks = {"moving": qc.mirror(sides["moving"].cut_surface), "control": sides["control"].cut_surface}
     laid = {side: parameterize(disk) for side, disk in disks.items()}
@@ -56,8 +55,7 @@ def faults(surface):
 
 
 def test_a_hemisphere_on_itself_has_its_own_sphere(maps):
-    """By the identity of the disk: cortex and wall alike, but for what comes too near to the circle
-    beside the rim."""
+    """By the identity of the disk: cortex and wall alike, but for what comes too near to the circle beside the rim."""
     own = {f"{name}_moving": maps[f"{name}_control"] for name in ("faces", "table", "whole_faces", "about", "vertices")}
     ball = whole_fsaverage5("left", "sphere")
     laid = registered_sphere(maps | own | {"disk_map": maps["disk_control"]}, ball)
@@ -133,8 +131,7 @@ def judged(maps, written):
 
 
 def resampled(folder, what, source, *more):
-    """Values that Workbench carries from the side `source` to the other one, of the whole surface
-    there."""
+    """Values that Workbench carries from the side `source` to the other one, of the whole surface there."""
     at = {"moving": folder / "out/sphere.reg.surf.gii", "control": folder / "control.surf.gii"}
     target = "control" if source == "moving" else "moving"
     out = folder / f"to_{target}.{what}.gii"

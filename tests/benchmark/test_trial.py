@@ -23,8 +23,7 @@ RINGS, SPOKES = 14, 42
 
 
 def dome(height=1.0, turn=0.0, power=1.0):
-    """A cap with two curves along spokes and one across, in mm, mapped; the template is the unit
-    hemisphere."""
+    """A cap with two curves along spokes and one across, in mm, mapped; the template is the unit hemisphere."""
     z, faces = polar_disk(RINGS, SPOKES)
     bent = z * abs(z) ** (power - 1) * np.exp(1j * turn * (1 - abs(z)))
     vertices = 50 * np.stack([bent.real, bent.imag, height * (1 - abs(bent) ** 2)], 1)

@@ -110,8 +110,7 @@ def test_a_curve_item_shows_its_curves(datasets):
 
 
 def test_curves_lie_in_the_dark_of_their_image(subjects):
-    """Fundi are concave, so the image is darker along them: fails if image and curves are turned
-    against each other."""
+    """Fundi are concave, so the image is darker along them: fails if image and curves are turned against each other."""
     share = []
     for image, _, curves in CurveDataset(8, 3, subjects, size=64):
         grey = image[0].numpy()

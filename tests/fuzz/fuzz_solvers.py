@@ -1,12 +1,11 @@
-"""Random and extreme problems for the solvers, each claim of a bijection checked again in exact
-arithmetic.
+"""Random and extreme problems for the solvers, each claim of a bijection checked again in exact arithmetic.
 
     python tests/fuzz/fuzz_solvers.py {beltrami,conformal,fit,register} 1000 --seed 7
 
-A case is (kind, seed, number) and is made again from them. Each runs in a forked process with 120 s
-and 6 GiB of addresses. Verdicts: certified, folded (and said so), refused (one of the library's own
-errors), and the faults: false (claimed bijective, fractions refute it), worse (a fit or a
-registration above the best Moebius map), silent (not finite), raw (another exception), hang, crash.
+A case is (kind, seed, number) and is made again from them. Each runs in a forked process with 120 s and 6 GiB of
+addresses. Verdicts: certified, folded (and said so), refused (one of the library's own errors), and the faults: false
+(claimed bijective, fractions refute it), worse (a fit or a registration above the best Moebius map), silent (not
+finite), raw (another exception), hang, crash.
 """
 
 import argparse
@@ -31,8 +30,7 @@ OWN = (qc.SurfaceError, qc.LandmarkError, qc.BeltramiError, qc.BijectivityError)
 
 
 def turns(a, b, c):
-    """Exact signs of the turns a, b, c (complex arrays): floats where they are beyond doubt,
-    fractions elsewhere."""
+    """Exact signs of the turns a, b, c (complex arrays): floats where they are beyond doubt, fractions elsewhere."""
     left, right = (b - a).real * (c - a).imag, (b - a).imag * (c - a).real
     size = np.abs(np.stack([a, b, c])).max(axis=0)
     sides = np.maximum(abs(b - a), abs(c - a))
@@ -62,8 +60,7 @@ def is_embedding(faces, f):
 
 
 def disk(rng, low, high):
-    """A triangulated disk (z, faces): rim even, random or in clusters, inside even, at the rim or
-    in clumps."""
+    """A triangulated disk (z, faces): rim even, random or in clusters, inside even, at the rim or in clumps."""
     while True:
         n = int(np.exp(rng.uniform(np.log(low), np.log(high))))
         on_rim = rng.choice([rng.uniform(size=n), rng.beta(0.4, 0.4, n), np.arange(n) / n])
@@ -130,8 +127,7 @@ def fit_case(rng):
 
 
 def above(problem, f):
-    """Whether the mean squared landmark distance exceeds that of the best Moebius map, where that
-    is a bijection."""
+    """Whether the mean squared landmark distance exceeds that of the best Moebius map, where that is a bijection."""
     plain = qc.mobius(problem.disk.z, *problem.mobius)
     best, found = ((abs(problem.samples @ w - problem.target) ** 2).mean() for w in (plain, f))
     return bool(found > best * (1 + ROUNDING) + 1e-24) and is_embedding(problem.disk.faces, plain)

@@ -54,8 +54,7 @@ def test_a_volume_that_lies_askew_is_laid_on_the_scanner_too(tmp_path):
 
 
 def test_coordinates_that_are_not_said_to_be_freesurfers_stay(tmp_path, whole):
-    """mris_convert without --to-scanner keeps FreeSurfer's, and says UNKNOWN: what is read so is
-    written so."""
+    """mris_convert without --to-scanner keeps FreeSurfer's, and says UNKNOWN: what is read so is written so."""
     path, tkr = whole
     unknown = replace(frame_of(path), space=nibabel.gifti.GiftiCoordSystem())
     write_surface(tmp_path / "a.surf.gii", read_surface(path), frame=unknown)

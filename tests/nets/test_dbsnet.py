@@ -1,5 +1,4 @@
-"""DBS-Net: what holds by construction, the exact maps it starts from, learns from and goes on to,
-and bad input."""
+"""DBS-Net: what holds by construction, the exact maps it starts from, learns from and goes on to, and bad input."""
 
 import numpy as np
 import pytest

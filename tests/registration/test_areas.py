@@ -1,5 +1,4 @@
-"""The energy of a surface: areas are measured right, their derivative holds, and a fit that sees
-them distorts less."""
+"""The energy of a surface: areas are measured right, their derivative holds, and a fit that sees them distorts less."""
 
 import re
 from dataclasses import replace
@@ -33,8 +32,7 @@ def grown(disk, growth=GROWTH):
 
 
 def growth_of(z, growth=GROWTH):
-    """log of the share of a `grown` side's area over the disk's: the Jacobian `(1 + g r^2)(1 + 3 g
-    r^2)` of shares."""
+    """log of the share of a `grown` side's area over the disk's: the Jacobian `(1 + g r^2)(1 + 3 g r^2)` of shares."""
     square = abs(z) ** 2
     return np.log((1 + growth * square) * (1 + 3 * growth * square) / (1 + growth) ** 2)
 
@@ -157,8 +155,7 @@ def test_fits_from_spoilt_starts_end_where_the_good_one_does_and_say_how():
 
 
 def test_places_that_mislead_do_no_harm():
-    """The moving side is turned about in space: its places lead astray, and the way without them is
-    kept."""
+    """The moving side is turned about in space: its places lead astray, and the way without them is kept."""
     side = tall(MOVING)
     turned = replace(side, surface=Surface(side.surface.vertices * [-1, -1, 1], MOVING.faces))
     sides = sides_of(turned, tall(CONTROL), MAPS)

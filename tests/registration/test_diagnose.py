@@ -1,5 +1,4 @@
-"""What a suspect registration is recognised by: six mistakes by name, and outcomes that good
-landmarks do not have."""
+"""What a suspect registration is recognised by: six mistakes by name, and outcomes that good landmarks do not have."""
 
 from copy import deepcopy
 from dataclasses import replace
@@ -243,8 +242,7 @@ def test_the_limits_are_those_that_were_measured_and_no_good_case_is_suspect(mea
     registered = [case for case in good if "suspect" in case]
     assert len(registered) >= 200 and all(case["bijective"] for case in registered)
     told = [case for case in registered if case["suspect"]]
-    # A map by one or two curves alone may lead away from the others: `worse:` is then true of a
-    # pair without a mistake.
+    # A map by one or two curves alone may lead away from the others: `worse:` is then true of a pair without a mistake.
     assert all(case["kind"] == "good, one or two" and not case["features"] for case in told)
     assert len(told) <= 0.35 * sum(case["kind"] == "good, one or two" and not case["features"] for case in good)
     assert [words(case["suspect"]) for case in told] == [["worse"]] * len(told)

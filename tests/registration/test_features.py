@@ -73,8 +73,7 @@ def test_outliers_are_clipped():
 
 
 def test_the_mismatch_is_twice_one_less_the_correlation():
-    """Where the map keeps the variance: the same vertices on both sides, and a feature that is
-    another one there."""
+    """Where the map keeps the variance: the same vertices on both sides, and a feature that is another one there."""
     one, two = waves(Z)
     pair = compared(flat(), [Feature("mixed", one + two, one - 0.3 * two)])
     r = pair.correlation(Z)
@@ -121,8 +120,7 @@ def test_maps_of_the_users_own_with_and_without_weights():
 
 @pytest.mark.digits
 def test_coarse_scales_of_a_large_surface_are_smoothed_on_few_vertices():
-    """With the finest one as it was, bit for bit, and without a disk, or on a small surface, all of
-    them."""
+    """With the finest one as it was, bit for bit, and without a disk, or on a small surface, all of them."""
     large = Disk(*polar_disk(100, 210))
     for disk, same in ((large, [True, False, False]), (DISK, [True, True, True])):
         surface = Surface(np.stack([disk.z.real, disk.z.imag, 0 * disk.z.real], axis=1), disk.faces)

@@ -46,8 +46,7 @@ MESH = Disk(*SMALL)
 
 
 def lines(shift=0.0):
-    """Two straight curves of nine landmarks, their inner points moved along them by at most
-    `shift`; labels."""
+    """Two straight curves of nine landmarks, their inner points moved along them by at most `shift`; labels."""
     t = np.linspace(-1, 1, 9)
     moved = 0.5 * (t + shift * (1 - t**2))
     return np.concatenate([moved + 0.25j, -moved - 0.25j]), np.repeat([0, 1], 9)
@@ -57,8 +56,7 @@ def lines(shift=0.0):
 
 
 def test_the_prior_is_the_mean_of_mu_and_of_its_gradient():
-    """For nu = a z + b conj(z): mean|nu|^2 = (|a|^2 + |b|^2)/2 over the disk, |grad nu|^2 = 2
-    (|a|^2 + |b|^2)."""
+    """For nu = a z + b conj(z): mean|nu|^2 = (|a|^2 + |b|^2)/2 over the disk, |grad nu|^2 = 2 (|a|^2 + |b|^2)."""
     z, faces = polar_disk(40, 160)
     a, b, alpha, beta = 0.3 - 0.2j, 0.1 + 0.4j, 0.7, 0.05
     mesh = Disk(z, faces)
@@ -97,8 +95,7 @@ def residual(newton, nu, parameters, gamma):
 
 @pytest.mark.parametrize("sliding", [False, True])
 def test_the_dual_step_is_the_gauss_newton_step(sliding):
-    """Against the normal equations in all real unknowns, with the residual's derivatives by finite
-    differences."""
+    """Against the normal equations in all real unknowns, with the residual's derivatives by finite differences."""
     newton, nu, _ = small_newton(sliding)
     parameters, gamma, step, n = (0.2 - 0.1j, 0.3), 50.0, 1e-5, len(nu)
 
@@ -177,9 +174,8 @@ def test_where_the_line_search_fails_a_damped_step_leads_on():
 
 
 def test_the_fit_ends_within_a_thousandth_of_the_least_objective():
-    """Two neighbours that part. A rule that stops at steps of larger promise, of a third say, ends
-    a tenth above; one that goes on until nothing is gained any more takes twenty steps on the mesh.
-    """
+    """Two neighbours that part. A rule that stops at steps of larger promise, of a third say, ends a tenth above; one
+    that goes on until nothing is gained any more takes twenty steps on the mesh."""
     p = np.concatenate([[0.02, -0.02], 0.5 * np.exp(2j * np.pi * np.arange(8) / 8)])
     q = np.concatenate([[0.05j, -0.05j], p[2:] * np.exp(0.1j)])
     least = 0.0764218  # where twenty steps end
@@ -262,8 +258,7 @@ def test_alpha_and_beta_lower_their_own_term(weight, loss):
 
 
 def test_sliding_frees_the_residual_along_the_curve_only():
-    """The targets are the same two lines with their points spaced anew: as curves they lie right
-    already."""
+    """The targets are the same two lines with their points spaced anew: as curves they lie right already."""
     (p, labels), (q, _) = lines(), lines(0.3)
     points, curves = (fit_landmarks(*SMALL, p, q, 1.0, 1e-2, 1e3, labels, sliding) for sliding in (False, True))
     left = MESH.interpolation(p) @ curves.f - q
@@ -283,8 +278,7 @@ def test_a_start_is_carried_to_the_polar_mesh():
 
 @pytest.mark.digits
 def test_a_multiresolution_fit_is_run_again_with_other_weights(monkeypatch):
-    """As a new one is, to the last bit, whatever the fits before have computed; its mesh is
-    not looked at again."""
+    """As a new one is, to the last bit, whatever the fits before have computed; its mesh is not looked at again."""
     levels, weights = landmark_levels(MESH, 8), Weights(2.0, 0.1, 10.0)
     resumed = MultiresolutionFit(Problem(MESH, *smooth_problem(3)))
     resumed.run(levels, Weights(gamma=1e5))

@@ -1,5 +1,4 @@
-"""Registration by features: the derivative and the step against brute force, and maps that must be
-found again."""
+"""Registration by features: the derivative and the step against brute force, and maps that must be found again."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -55,8 +54,7 @@ def no_landmarks():
 
 @pytest.fixture(scope="module")
 def equations():
-    """Landmarks and features on a small mesh, linearised at a field and a Möbius map: (objective,
-    state, step)."""
+    """Landmarks and features on a small mesh, linearised at a field and a Möbius map: (objective, state, step)."""
     rng = np.random.default_rng(1)
     mesh = Disk(*polar_disk(5, 15))
     moving, target = 0.7 * np.exp(1j * np.arange(4)), 0.6 * np.exp(1j * np.arange(4) + 0.2j)

@@ -1,5 +1,4 @@
-"""Landmark curves: sampling by arc length in space, and sulci as shortest paths in the fundus
-metric."""
+"""Landmark curves: sampling by arc length in space, and sulci as shortest paths in the fundus metric."""
 
 import numpy as np
 import pytest
@@ -37,8 +36,7 @@ def test_samples_are_equally_spaced_in_space_and_keep_the_ends():
 
 
 def test_samples_of_any_field_are_those_at_the_same_places_of_the_path():
-    """Twenty-three points over 60 unequal segments, against interpolation over the length along the
-    path."""
+    """Twenty-three points over 60 unequal segments, against interpolation over the length along the path."""
     surface = sheet(61, 1.0, lambda x, y: 0.3 * np.sin(9 * x) * np.cos(7 * y))[0]
     path = np.array([k + 61 * (k % 3) for k in range(61)])
     matrix = sample_curve(surface, path, 23)

@@ -187,8 +187,7 @@ def test_where_the_fit_folds_gamma_is_lowered_and_the_report_says_so(folding_abo
 
 
 def test_sliding_costs_less_distortion():
-    """Targets spaced anew along the same spokes: by arc length the points move, as curves they need
-    not."""
+    """Targets spaced anew along the same spokes: by arc length the points move, as curves they need not."""
     moving, control = bowl(0.6), bowl(0.6)
     curves = [entry | {"control": spoke(14 * k, first=2, last=10)} for k, entry in enumerate(entries(0))]
     points, curved = (register(moving, control, curves, sliding=sliding, gamma=1e3).report for sliding in (False, True))
@@ -347,8 +346,7 @@ def test_a_curve_that_wanders_is_replaced_and_the_report_says_so(networks):
 
 
 def test_a_coarse_curve_is_measured_along_the_surface(networks):
-    """Two points on a bowl: the landmarks are equally spaced over its rise, not along the chord
-    below it."""
+    """Two points on a bowl: the landmarks are equally spaced over its rise, not along the chord below it."""
     surface = bowl(2.0)
     networks(lambda surface, z, ends: [z[pair] for pair in ends], no_predict)
     across = [spoke(0)[-1], spoke(21)[-1]]

@@ -1,5 +1,4 @@
-"""The pipeline with features: curves that take no part are met, landmarks may be absent, and doubts
-are told."""
+"""The pipeline with features: curves that take no part are met, landmarks may be absent, and doubts are told."""
 
 import json
 import re

@@ -21,8 +21,7 @@ def measured(mu, mapped=POINTS, weights=(1.0, 1.0, 1.0)):
 
 
 def test_linear_coefficients_have_the_gradient_of_their_slope():
-    """|grad (a z + b conj z)|^2 = 2 |a|^2 + 2 |b|^2 and the mean of |z|^2 over the disk is 1/2; a
-    constant has none."""
+    """|grad (a z + b conj z)|^2 = 2 |a|^2 + 2 |b|^2 and the mean of |z|^2 over the disk is 1/2; a constant has none."""
     for mu, slope in ((0.5 * CENTRES, 0.5), (0.3j * CENTRES.conj(), 0.3)):
         found = measured(mu)
         assert found["L_grad_mu"] == pytest.approx(2 * slope**2, rel=0.03)  # the averages at the rim lie inwards
@@ -50,8 +49,7 @@ def test_the_losses_are_those_that_networks_are_trained_with():
 
 
 def test_a_stretch_is_told_apart_into_area_and_shape():
-    """One half of a flat disk stretched by 2 along x; then all of it by 3: only ratios to the whole
-    count."""
+    """One half of a flat disk stretched by 2 along x; then all of it by 3: only ratios to the whole count."""
     flat = Surface(np.stack([Z.real, Z.imag, 0 * Z.real], axis=1), FACES)
     found = log2_distortions(flat, 3 * flat.vertices[:, [2, 0, 1]])
     assert found == {key: [pytest.approx(0, abs=1e-12)] * 2 for key in ("log2_area", "log2_shape")}

@@ -45,9 +45,8 @@ register = partial(pipeline.register, features=None)  # bowls have no folds
 
 
 def ragged(height, rings, seed):
-    """The bowl with one of two faces at the rim taken away, here and there: its rim has teeth, and
-    ears among them, faces with two edges on it. Vertices keep their order; returns the surface and
-    the new numbers."""
+    """The bowl with one of two faces at the rim taken away, here and there: its rim has teeth, and ears among them,
+    faces with two edges on it. Vertices keep their order; returns the surface and the new numbers."""
     surface, rng = bowl(height, rings=rings), np.random.default_rng(seed)
     outer = surface.faces >= len(surface.vertices) - 3 * rings
     kept = surface.faces[(outer.sum(1) != 2) | (rng.uniform(size=len(outer)) >= 0.4)]
@@ -58,8 +57,7 @@ def ragged(height, rings, seed):
 
 @pytest.mark.parametrize("rings, coarse", [(14, 14), (24, 5)])
 def test_ragged_rims_with_ears_are_registered_and_written(tmp_path, rings, coarse):
-    """On both sides, also where many moving vertices land on one straight edge of the control's
-    rim."""
+    """On both sides, also where many moving vertices land on one straight edge of the control's rim."""
     moving, number = ragged(0.6, rings, 1)
     control, there = ragged(0.9, coarse, 2)
     curves = [
@@ -161,8 +159,7 @@ def test_no_map_ends_above_the_best_mobius_map(points, mesh, gamma, route):
 
 
 def test_the_work_of_a_fit_of_wrong_landmarks_is_bounded():
-    """Steps of a fit end where its objective has done the work it may; the map is certified, with a
-    word."""
+    """Steps of a fit end where its objective has done the work it may; the map is certified, with a word."""
     p, q = (np.asarray(side, complex) for side in ASTRAY["permuted"])
     objectives = []
 
@@ -178,8 +175,7 @@ def test_the_work_of_a_fit_of_wrong_landmarks_is_bounded():
 
 
 def test_a_fit_gone_astray_is_taken_up_again_from_the_mobius_map():
-    """On a mesh too coarse for what the polar mesh proposes: steps from there end far above the
-    Möbius map."""
+    """On a mesh too coarse for what the polar mesh proposes: steps from there end far above the Möbius map."""
     mesh, (p, q) = random_disk(3, 16), ASTRAY["neighbours"]
     fit = fit_landmarks(*mesh, p, q, gamma=1e5)
     assert re.fullmatch(r"the fit ended above the best Möbius map: \d+ steps from there", fit.fallbacks[0])

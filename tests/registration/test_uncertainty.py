@@ -64,8 +64,7 @@ MOST = {"50": 0.04, "90": 0.03, "95": 0.02}  # by which a coverage may be off on
 
 
 def faults(pairs, rank):
-    """What of the issue's bounds some judged pairs break: coverage on average and of each, in
-    fifths, and rank."""
+    """What of the issue's bounds some judged pairs break: coverage on average and of each, in fifths, and rank."""
     covers = {at: [pair["coverage"][at] for pair in pairs] for at in MOST}
     fifths, ranks = np.mean([pair["fifths"] for pair in pairs], axis=0), [pair["rank"] for pair in pairs]
     apart = np.mean([pair["least_sure_mm"] / pair["surest_mm"] for pair in pairs])

@@ -55,8 +55,7 @@ def site_address():
 
 @pytest.fixture(scope="session")
 def lab(browser, tmp_path_factory):
-    """JupyterLab on copies/ (the executed pages), sources/ (book/) and planted/: its address, and
-    the folder."""
+    """JupyterLab on copies/ (the executed pages), sources/ (book/) and planted/: its address, and the folder."""
     home = tmp_path_factory.mktemp("lab")
     root = home / "pages"
     shutil.copytree(COPIES, root / "copies") if COPIES.exists() else (root / "copies").mkdir(parents=True)

@@ -3,8 +3,7 @@
 import json
 import re
 
-# The number of the answer that each explorable shows, and whether it is the newest, kept where a
-# test can wait for it.
+# The number of the answer that each explorable shows, and whether it is the newest, kept where a test can wait for it.
 LISTEN = """window.answered = {};
 document.addEventListener('qc-live-answer', event => {
   const {number, of} = event.detail;
@@ -130,8 +129,7 @@ class Explorable:
         return self.words, self.pictures()
 
     def moves_each_slider(self, act, silent=()):
-        """`act` on each slider changes its value and the words; of those named `silent` the
-        pictures alone."""
+        """`act` on each slider changes its value and the words; of those named `silent` the pictures alone."""
         for slider in self.root.get_by_role("slider").all():
             name = slider.evaluate("e => document.querySelector(`label[for='${e.id}']`).textContent")
             assert name, "a slider without a name"

@@ -1,5 +1,4 @@
-"""A JupyterLab of the tests' own, and a reader that opens notebooks in it and says what is to be
-seen."""
+"""A JupyterLab of the tests' own, and a reader that opens notebooks in it and says what is to be seen."""
 
 import contextlib
 import json
@@ -19,8 +18,7 @@ from view import Tab
 
 SETTINGS = {
     "apputils-extension/notification": '{"fetchNews": "false", "checkForUpdates": false}',
-    # All cells of a page are built at once, not only those in view; a kernel ends with its
-    # notebook.
+    # All cells of a page are built at once, not only those in view; a kernel ends with its notebook.
     "notebook-extension/tracker": '{"windowingMode": "none", "kernelShutdown": true}',
 }
 NBGRADER = ("assignment_list", "course_list", "formgrader", "validate_assignment")
@@ -104,8 +102,7 @@ def jupyterlab(home, root):
 
 
 def wait_until_idle(page, seconds=120):
-    # The status bar tells the truth; the notebook's own indicator says 'idle' before there is a
-    # kernel.
+    # The status bar tells the truth; the notebook's own indicator says 'idle' before there is a kernel.
     page.wait_for_selector(IDLE, timeout=1000 * seconds)
 
 

@@ -1,5 +1,4 @@
-"""Where the built site and the copies for JupyterLab lie, and how Chromium is started: without a
-network."""
+"""Where the built site and the copies for JupyterLab lie, and how Chromium is started: without a network."""
 
 import os
 import shutil
@@ -24,8 +23,7 @@ FLAGS = [
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
-    # No name resolves: a page that asks for anything outside this machine gets an error, and the
-    # test hears of it.
+    # No name resolves: a page that asks for anything outside this machine gets an error, and the test hears of it.
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
 ]
 

@@ -1,5 +1,4 @@
-"""The pages as notebooks, the copies for JupyterLab and the downloads: nothing of MyST is left,
-everything is there."""
+"""The pages as notebooks, the copies for JupyterLab and the downloads: nothing of MyST is left, everything is there."""
 
 import re
 from collections import Counter

@@ -1,5 +1,4 @@
-"""Pages of `qclearn report` in a browser, from files: silent, without a request, readable, and
-moved by keys."""
+"""Pages of `qclearn report` in a browser, from files: silent, without a request, readable, and moved by keys."""
 
 import json
 

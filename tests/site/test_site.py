@@ -1,5 +1,4 @@
-"""The files of the built site: complete, and numbered as the copies are. `make book` builds it
-first."""
+"""The files of the built site: complete, and numbered as the copies are. `make book` builds it first."""
 
 import html
 import re

@@ -1,6 +1,5 @@
-"""Every page of the built site as readers without a network see it, opened once: first in a wide
-window, then, from `narrow` on, in a telephone's. The order of the tests counts: the last ones hear
-what all before them brought."""
+"""Every page of the built site as readers without a network see it, opened once: first in a wide window, then, from
+`narrow` on, in a telephone's. The order of the tests counts: the last ones hear what all before them brought."""
 
 import re
 from functools import cache
@@ -85,8 +84,7 @@ def test_widgets_appear(view):
     assert view.page.locator(".jupyter-widgets-error-widget").count() == 0
 
 
-# On the site no kernel answers: every control of a widget is disabled, and a sentence beside it
-# says so.
+# On the site no kernel answers: every control of a widget is disabled, and a sentence beside it says so.
 
 
 def test_no_control_can_be_used(view):

@@ -61,8 +61,7 @@ class Tab:
             self.complaints.append(message.text)
 
     def receive(self, answer):
-        """Keep how many bytes an answer has as it is sent, unpacked; what the window had already
-        counts, too."""
+        """Keep how many bytes an answer has as it is sent, unpacked; what the window had already counts, too."""
         self.sizes[answer.url] = int(answer.headers.get("content-length", 0))
         if answer.status >= 400:
             self.complaints.append(f"{answer.status}: {answer.url}")

@@ -172,10 +172,9 @@ def test_quasi_conformal_iteration_lets_landmarks_go_where_they_fold(mesh):
 def displacement(rings):
     """Teichmüller's displacement problem on an ellipse, carried to the disk: (solver, mu's modulus).
 
-    With `w = R e^it + e^-it / R` the affine map that swaps the ellipse's axes, seen through `w^2`
-    (shifted by 2 before and after), is the map of the ellipse with semi-axes `R^2 + R^-2`, `R^2 -
-    R^-2` that holds its boundary and takes one focus to the other: constant `|mu| = 2 / (R^2 +
-    R^-2)`, and extremal.
+    With `w = R e^it + e^-it / R` the affine map that swaps the ellipse's axes, seen through `w^2` (shifted by 2 before
+    and after), is the map of the ellipse with semi-axes `R^2 + R^-2`, `R^2 - R^-2` that holds its boundary and takes
+    one focus to the other: constant `|mu| = 2 / (R^2 + R^-2)`, and extremal.
     """
     R = 2.5
     long, short = R**2 + R**-2, R**2 - R**-2
