@@ -193,17 +193,14 @@ def bulged(vertices):
     return vertices * (1 + 0.1 * vertices[:, :1])
 
 
-@pytest.mark.parametrize(
-    "vertices, faces, fault",
-    [
-        (bulged(BALL.vertices), BALL.faces, "not a sphere: its vertices lie 0.9 to 1.1 from 0; .*lh.inflated is none"),
-        (BALL.vertices + [0.5, 0, 0], BALL.faces, r"a sphere around \(0.5, 0.0, 0.0\), .* one around 0"),
-        (BALL.vertices, BALL.faces[:, ::-1], "looks inward"),
-        (BALL.vertices * [-1, 1, 1], BALL.faces, "looks inward: .*mirrored"),
-        (BALL.vertices * [-1, 1, 1], BALL.faces[:, ::-1], "the other way round .* other hemisphere"),
-        (BALL.vertices[::-1], 641 - BALL.faces, "its faces are not the control's: .* another subject"),
-    ],
-)
+@pytest.mark.parametrize("vertices, faces, fault", [
+    (bulged(BALL.vertices), BALL.faces, "not a sphere: its vertices lie 0.9 to 1.1 from 0; .*lh.inflated is none"),
+    (BALL.vertices + [0.5, 0, 0], BALL.faces, r"a sphere around \(0.5, 0.0, 0.0\), .* one around 0"),
+    (BALL.vertices, BALL.faces[:, ::-1], "looks inward"),
+    (BALL.vertices * [-1, 1, 1], BALL.faces, "looks inward: .*mirrored"),
+    (BALL.vertices * [-1, 1, 1], BALL.faces[:, ::-1], "the other way round .* other hemisphere"),
+    (BALL.vertices[::-1], 641 - BALL.faces, "its faces are not the control's: .* another subject"),
+])  # fmt: skip
 def test_what_is_not_the_controls_sphere(vertices, faces, fault):
     with pytest.raises(qc.SurfaceError, match=fault):
         unit_sphere(qc.Surface(vertices, faces), BALL.faces)

@@ -20,14 +20,11 @@ def test_a_figure_with_its_caption_is_right_and_one_with_a_file_needs_no_cell():
     assert found("1", ":::{figure} _assets/a.svg\n:name: fig-a\n\nA caption.\n\n:::") == []
 
 
-@pytest.mark.parametrize(
-    "cells, says",
-    [
-        ([SHOW, "Text."], "cell 2 (c2): it has to open with the caption of the figure 'fig-a'"),
-        (["1", CAPTION], "cell 2 (c2): the caption 'fig-a' does not stand below its figure"),
-        ([SHOW + "\nprint(1)", CAPTION], "cell 1 (c1): show_figure(...) has to be its last statement"),
-    ],
-)
+@pytest.mark.parametrize("cells, says", [
+    ([SHOW, "Text."], "cell 2 (c2): it has to open with the caption of the figure 'fig-a'"),
+    (["1", CAPTION], "cell 2 (c2): the caption 'fig-a' does not stand below its figure"),
+    ([SHOW + "\nprint(1)", CAPTION], "cell 1 (c1): show_figure(...) has to be its last statement"),
+])  # fmt: skip
 def test_a_mistake_is_named(cells, says):
     assert says in "\n".join(found(*cells))
 

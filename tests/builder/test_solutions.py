@@ -74,14 +74,11 @@ def test_the_same_text_has_the_same_words_and_near_numbers():
     assert [pair for pair in [*OTHER, ("1 2", "1"), ("", "1"), ("1", "")] if same_text(*pair)] == []
 
 
-@pytest.mark.parametrize(
-    "prints, stream, text, told",
-    [
-        ("x is 3\n", "stdout", "x is 4\n", "ex-first.*x is 4.*x is 3"),
-        ("", "stderr", "DeprecationWarning: old", "DeprecationWarning"),
-        ("", "stdout", "surprise", "surprise"),  # code without a text may not print
-    ],
-)
+@pytest.mark.parametrize("prints, stream, text, told", [
+    ("x is 3\n", "stdout", "x is 4\n", "ex-first.*x is 4.*x is 3"),
+    ("", "stderr", "DeprecationWarning: old", "DeprecationWarning"),
+    ("", "stdout", "surprise", "surprise"),  # code without a text may not print
+])  # fmt: skip
 def test_what_a_solution_should_not_print_is_a_problem(prints, stream, text, told):
     output = new_output("stream", name=stream, text=text)
     [line] = problems(new_code_cell("", outputs=[output], metadata={"exercise": "ex-first", "prints": prints}))

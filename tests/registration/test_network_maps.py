@@ -53,19 +53,16 @@ def test_given_curves_stay_and_good_ones_are_used():
     assert guarded(None, entries[:1])[1] == []  # nothing is detected where all is given
 
 
-@pytest.mark.parametrize(
-    "change, fault",
-    [
-        (lambda line: line * np.nan, "leaves the disk"),
-        (lambda line: np.concatenate([line[:1], [1.5j], line[-1:]]), "leaves the disk"),
-        (lambda line: line[:0], "leaves the disk"),
-        (lambda line: line[:1], "leaves the disk"),
-        (lambda line: line[:-1], "misses its endpoints"),
-        (lambda line: line[::-1], "misses its endpoints"),
-        (lambda line: np.concatenate([line[:9], [line[2] + 0.02j, line[2] - 0.02j], line[9:]]), "crosses itself"),
-        (lambda line: np.concatenate([line[:9], [line[9] * 1j], line[9:]]), "crosses or touches 'other'"),
-    ],
-)
+@pytest.mark.parametrize("change, fault", [
+    (lambda line: line * np.nan, "leaves the disk"),
+    (lambda line: np.concatenate([line[:1], [1.5j], line[-1:]]), "leaves the disk"),
+    (lambda line: line[:0], "leaves the disk"),
+    (lambda line: line[:1], "leaves the disk"),
+    (lambda line: line[:-1], "misses its endpoints"),
+    (lambda line: line[::-1], "misses its endpoints"),
+    (lambda line: np.concatenate([line[:9], [line[2] + 0.02j, line[2] - 0.02j], line[9:]]), "crosses itself"),
+    (lambda line: np.concatenate([line[:9], [line[9] * 1j], line[9:]]), "crosses or touches 'other'"),
+])  # fmt: skip
 def test_a_curve_that_wanders_is_replaced_by_the_shortest_path(change, fault):
     entries = [entry("other", spoke(5)), entry("wanderer", spoke(0), True)]
     (other, line), fallbacks = guarded(straight(change), entries)

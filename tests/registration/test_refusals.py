@@ -123,18 +123,15 @@ def test_landmarks_that_cannot_be_used_are_refused(message, curves):
 THREE = ["spoke 0", "spoke 1", "spoke 2"]
 
 
-@pytest.mark.parametrize(
-    "error, message, options",
-    [
-        (FeatureError, "feature 1, control side: shape", {"features": [(SULC, SULC[1:])]}),
-        (LandmarkError, "no curve is called 'spoke 7'.*'spoke 0', 'spoke 1', 'spoke 2'", {"hold_out": ["spoke 7"]}),
-        (LandmarkError, "all curves are held out", ALONE | {"hold_out": THREE}),
-        (LandmarkError, "hold_out is .*: give a list of names of curves", {"hold_out": None}),
-        (LandmarkError, "hold_out is .*: give a list of names of curves", {"hold_out": [1, "a"]}),
-        (LandmarkError, "hold_out is .*: give a list of names of curves", {"hold_out": [["a"]]}),
-        (LandmarkError, "method 'network' needs landmarks", {"method": "network", "hold_out": THREE}),
-    ],
-)
+@pytest.mark.parametrize("error, message, options", [
+    (FeatureError, "feature 1, control side: shape", {"features": [(SULC, SULC[1:])]}),
+    (LandmarkError, "no curve is called 'spoke 7'.*'spoke 0', 'spoke 1', 'spoke 2'", {"hold_out": ["spoke 7"]}),
+    (LandmarkError, "all curves are held out", ALONE | {"hold_out": THREE}),
+    (LandmarkError, "hold_out is .*: give a list of names of curves", {"hold_out": None}),
+    (LandmarkError, "hold_out is .*: give a list of names of curves", {"hold_out": [1, "a"]}),
+    (LandmarkError, "hold_out is .*: give a list of names of curves", {"hold_out": [["a"]]}),
+    (LandmarkError, "method 'network' needs landmarks", {"method": "network", "hold_out": THREE}),
+])  # fmt: skip
 def test_features_and_curves_held_out_that_cannot_be_are_refused(error, message, options):
     refused(error, message, BOWL, HIGH, entries(0), **({"features": FEATURES} | options))
 
@@ -149,17 +146,14 @@ def test_surfaces_that_are_no_disk_or_look_inward_are_refused_with_the_remedy():
             refused(SurfaceError, message, *pair, entries(0))
 
 
-@pytest.mark.parametrize(
-    "side, wanted, message",
-    [
-        ("moving", {"vertices": 588}, r"another moving surface \(588 vertices; this .* 589 vertices, sha256 \w{12}\)"),
-        ("control", {"sha256": "0" * 64}, r"another control surface \(sha256 000000000000; .*: numbers of one mesh"),
-        ("control", BOWL.fingerprint, "another control surface .*: exchanged: they fit the moving surface; exchange"),
-        ("moving", {"vertices": 589, "md5": "0"}, 'surfaces, moving: give "vertices" and "sha256", and nothing else'),
-        ("moving", 589, "surfaces, moving: give"),
-        ("both", {}, "'surfaces' must be"),
-    ],
-)
+@pytest.mark.parametrize("side, wanted, message", [
+    ("moving", {"vertices": 588}, r"another moving surface \(588 vertices; this .* 589 vertices, sha256 \w{12}\)"),
+    ("control", {"sha256": "0" * 64}, r"another control surface \(sha256 000000000000; .*: numbers of one mesh"),
+    ("control", BOWL.fingerprint, "another control surface .*: exchanged: they fit the moving surface; exchange"),
+    ("moving", {"vertices": 589, "md5": "0"}, 'surfaces, moving: give "vertices" and "sha256", and nothing else'),
+    ("moving", 589, "surfaces, moving: give"),
+    ("both", {}, "'surfaces' must be"),
+])  # fmt: skip
 def test_landmarks_made_for_other_surfaces_are_refused(side, wanted, message):
     """Those made for these, or for their mirrors, are taken."""
     stated = {"moving": BOWL.fingerprint, "control": HIGH.fingerprint}
@@ -174,16 +168,13 @@ WHOLE = " numbering: all are vertices of the whole surface; give their numbers o
 TABLE = np.arange(10, 599)
 
 
-@pytest.mark.parametrize(
-    "path, table, rings, hint",
-    [
-        ([3, 590], None, 15, EXCHANGED),
-        ([3, 590], None, 3, ""),
-        ([10, 597], TABLE, 15, WHOLE),
-        ([3, 590], TABLE, 3, ""),
-        ([-1, 590], None, 15, ""),
-    ],
-)
+@pytest.mark.parametrize("path, table, rings, hint", [
+    ([3, 590], None, 15, EXCHANGED),
+    ([3, 590], None, 3, ""),
+    ([10, 597], TABLE, 15, WHOLE),
+    ([3, 590], TABLE, 3, ""),
+    ([-1, 590], None, 15, ""),
+])  # fmt: skip
 def test_numbers_out_of_range_are_met_with_what_they_may_be(path, table, rings, hint):
     moving = Surface(BOWL.vertices, BOWL.faces, original_vertices=table)
     with pytest.raises(LandmarkError) as refusal:

@@ -68,14 +68,11 @@ def test_without_landmarks_features_alone_register():
 
 
 @pytest.mark.parametrize("walls", [[], ["walls: differ"]])
-@pytest.mark.parametrize(
-    "there, words",
-    [
-        (-FOLDS[0], "features: .sulc. .*is of opposite sign .*its sulc is not"),
-        (FOLDS[1], "features: 'sulc' of the two sides hardly agrees .*landmark curve.*negate"),
-        (FOLDS[0], None),
-    ],
-)
+@pytest.mark.parametrize("there, words", [
+    (-FOLDS[0], "features: .sulc. .*is of opposite sign .*its sulc is not"),
+    (FOLDS[1], "features: 'sulc' of the two sides hardly agrees .*landmark curve.*negate"),
+    (FOLDS[0], None),
+])  # fmt: skip
 def test_features_that_do_not_agree_make_it_suspect(monkeypatch, there, words, walls):
     """And walls that differ come first then, as the likely cause in place of a sign."""
     monkeypatch.setattr("qclearn.registration.report.differing_walls", lambda *_: walls)

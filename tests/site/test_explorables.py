@@ -248,15 +248,11 @@ def test_ends_that_meet_are_refused(named):
     assert "both ends are at the same place" in named.said and named.pictures() == picture
 
 
-@pytest.mark.parametrize(
-    "named, control, words, there",
-    [
-        ("landmarks", "weight of the depth", "to the tuner", "live.html#live-tuner="),
-        ("sulci", "beta", "Take this to the tuner", "live.html#live-tuner="),
-        ("tuner", "beta", "See it on the surface", "weights.html#live-sulci="),
-    ],
-    indirect=["named"],
-)
+@pytest.mark.parametrize("named, control, words, there", [
+    ("landmarks", "weight of the depth", "to the tuner", "live.html#live-tuner="),
+    ("sulci", "beta", "Take this to the tuner", "live.html#live-tuner="),
+    ("tuner", "beta", "See it on the surface", "weights.html#live-sulci="),
+], indirect=["named"])  # fmt: skip
 def test_one_hands_its_state_to_another(named, control, words, there):
     named.press(named.slider(control), "ArrowRight")
     link = unquote(named.root.get_by_role("link", name=words).get_attribute("href"))
@@ -333,16 +329,13 @@ THE_FIT = "reference fit: landmark error"
 NO_NETWORK = "the network is not used where γ is 1,000,000 times β or more"
 
 
-@pytest.mark.parametrize(
-    "missing, state, says, also",
-    [
-        (None, MET, "coincide", "target landmarks 0 and 1 coincide at 0.25+0.08j"),
-        (None, {"gamma": 1e5}, "CP-Net: no map", NO_NETWORK),
-        ("cpnet.bin", None, "CP-Net: no map", THE_FIT),
-        ("layers.wasm", None, "CP-Net: no map", "layers.wasm"),
-        *((name, None, "cannot compute here", name) for name in ("problems.json", "worker.js", "kernels.wasm")),
-    ],
-)
+@pytest.mark.parametrize("missing, state, says, also", [
+    (None, MET, "coincide", "target landmarks 0 and 1 coincide at 0.25+0.08j"),
+    (None, {"gamma": 1e5}, "CP-Net: no map", NO_NETWORK),
+    ("cpnet.bin", None, "CP-Net: no map", THE_FIT),
+    ("layers.wasm", None, "CP-Net: no map", "layers.wasm"),
+    *((name, None, "cannot compute here", name) for name in ("problems.json", "worker.js", "kernels.wasm")),
+])  # fmt: skip
 def test_what_is_missing_or_refused_is_said(window, site_address, missing, state, says, also):
     page = window.new_page()
     if missing:
