@@ -1,20 +1,15 @@
-"""What 'Files, formats and exit codes' promises to keep: written, read back, and compared in the terms of FreeSurfer
-and Workbench, format by format."""
-
-import re
-import shutil
+"""What 'Files, formats and exit codes' promises to keep of a surface: written, read back by other programs where they
+read it, and compared format by format (of maps: test_gifti.py and test_workbench.py)."""
 
 import nibabel
 import numpy as np
 import pytest
-from nibabel.freesurfer import read_annot, read_geometry, write_geometry
+from nibabel.freesurfer import read_geometry, write_geometry
 
 from freesurfer import GEOMETRY
 from known_surfaces import sphere
 from qclearn.io.meshes import frame_of, read_surface, write_surface
-from qclearn.io.values import read_map, write_values
 from qclearn.surfaces.surface import Surface
-from workbench import workbench
 
 BALL, TKR = sphere(), b"\0\0\0\2\0\0\0\0\0\0\0\x14"
 STORED, SCANNER = np.float32(50 * BALL.vertices), TKR[:7] + b"\1" + TKR[8:]
@@ -22,21 +17,19 @@ CURVES, NUMBERS = {"a b": [0, 1, 2]}, np.arange(3, 3 + len(STORED))
 VOLUME = ("volume", "voxelsize", "xras", "yras", "zras", "cras", "filename")
 VOLGEOM = [*("Width", "Height", "Depth", "Xsize", "Ysize", "Zsize"), *(f"{x}_{a}" for x in "XYZC" for a in "RAS")]
 FREESURFER, GIFTI, NPZ, PLY, OBJ = "lh.white", "lh.white.surf.gii", "a.npz", "a.ply", "a.obj"
-# promise -> the formats that keep it
-KEPT = {
-    "faces": (FREESURFER, GIFTI, NPZ, PLY, OBJ), "coordinates": (FREESURFER, GIFTI, NPZ, PLY, OBJ),
-    "volume": (FREESURFER, GIFTI, NPZ), "in scanner": (FREESURFER, GIFTI, NPZ), "side": (FREESURFER, GIFTI, NPZ),
-    "kind": (FREESURFER, GIFTI, NPZ), "numbers": (GIFTI, NPZ), "curves": (NPZ,),
-}  # fmt: skip
+# format -> the promises that it keeps
+KEPT = {PLY: ("faces", "coordinates"), OBJ: ("faces", "coordinates")}
+KEPT[FREESURFER] = (*KEPT[PLY], "volume", "in scanner", "side", "kind")
+KEPT[GIFTI], KEPT[NPZ] = (*KEPT[FREESURFER], "numbers"), (*KEPT[FREESURFER], "numbers", "curves")
 
 
 def found(path):
     """What a file says of each promise, by other programs where they read it."""
     again, frame = read_surface(path), frame_of(path)
-    told = {"faces": again.faces, "coordinates": again.vertices, "kind": frame.kind, "side": frame.side}
-    told |= {"curves": {name: curve.tolist() for name, curve in again.curves.items()}}
-    told |= {"numbers": again.original_vertices, "in scanner": frame.in_scanner}
-    told |= {"volume": [frame.volume[key] for key in VOLUME] if frame.volume else None}
+    told = {"faces": again.faces, "coordinates": again.vertices, "numbers": again.original_vertices}
+    told |= {"kind": frame.kind, "side": frame.side, "in scanner": frame.in_scanner}
+    told["curves"] = {name: curve.tolist() for name, curve in again.curves.items()}
+    told["volume"] = [frame.volume[key] for key in VOLUME] if frame.volume else None
     if path.name == FREESURFER:
         data = path.read_bytes()
         told["in scanner"] = SCANNER in data
@@ -48,15 +41,11 @@ def found(path):
         told |= {"coordinates": points.data, "faces": triangles.data, "in scanner": points.coordsys.dataspace == 1}
         numbers = np.array([float(points.meta[f"VolGeom{key}"]) for key in VOLGEOM])
         told["volume"] = [*numbers.reshape(-1, 3).tolist(), points.meta["VolGeomFname"]]
-        if shutil.which("wb_command"):
-            words = dict(re.findall(r"^([^:\n]+): +(\S+)", workbench("-file-information", path), re.MULTILINE))
-            told["side"] = {"CortexLeft": "left"}[words["Structure"]]
-            told["kind"] = words["Surface Type (Primary)"] == "Anatomical" and words["Surface Type (Secondary)"]
     return told
 
 
 @pytest.mark.parametrize("flag", [TKR, SCANNER], ids=["own", "scanner"])
-@pytest.mark.parametrize("name", [FREESURFER, GIFTI, NPZ, PLY, OBJ])
+@pytest.mark.parametrize("name", KEPT)
 @pytest.mark.parametrize("via", [[], [NPZ], [GIFTI], ["b.npz", "lh.white.surf.gii.gz", NPZ]], ids=str)
 def test_each_format_of_a_surface_keeps_what_is_promised(tmp_path, name, via, flag):
     """FreeSurfer's own coordinates become the scanner's in GIFTI and its own again in its format, where those
@@ -75,30 +64,6 @@ def test_each_format_of_a_surface_keeps_what_is_promised(tmp_path, name, via, fl
     place = STORED + np.array(GEOMETRY["cras"]) * (moved - (flag == SCANNER))
     expected = {"faces": BALL.faces, "coordinates": place, "kind": "GrayWhite", "side": "left", "numbers": NUMBERS}
     expected |= {"volume": [GEOMETRY[key] for key in VOLUME], "in scanner": moved, "curves": {} if through else CURVES}
-    for promise in (promise for promise, formats in KEPT.items() if name in formats):
+    for promise in KEPT[name]:
         same = np.allclose if promise in ("faces", "coordinates", "numbers") else lambda a, b: a == b
         assert same(told[promise], expected[promise]), (promise, told[promise], expected[promise])
-
-
-@pytest.mark.parametrize(
-    "steps", [["lh.a.annot"], ["lh.a.label.gii"], ["lh.a.annot", "b.label.gii", "lh.c.annot"]], ids=str
-)
-def test_a_parcellation_keeps_names_colours_side_and_what_is_none(tmp_path, steps):
-    labels = {0: ("???", (1.0, 1.0, 1.0, 0.0)), 1: ("a b", (1.0, 0.2, 0.0, 1.0)), 2: ("M\xfc", (0.0, 0.2, 0.4, 1.0))}
-    values, side, table = np.arange(len(STORED)) % 3, "left", labels
-    for step in steps:
-        write_values(tmp_path / step, values, side, table)
-        values, side, table, *_ = read_map(tmp_path / step)
-    if step.endswith(".annot"):
-        keys, colours, names = read_annot(tmp_path / step)
-        regions = [(None if k < 0 else (names[k].decode(), *colours[k, :3].tolist())) for k in keys]
-    else:
-        image = nibabel.load(tmp_path / step)
-        names = {
-            one.key: (one.label, *np.rint(255 * np.array(one.rgba[:3])).astype(int)) for one in image.labeltable.labels
-        }
-        regions = [names[key] if key else None for key in image.darrays[0].data]
-        assert image.meta["AnatomicalStructurePrimary"] == "CortexLeft"
-    assert regions == [None, ("a b", 255, 51, 0), ("M\xfc", 0, 51, 102)] * (len(STORED) // 3) + [None] * (
-        len(STORED) % 3
-    )

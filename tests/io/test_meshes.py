@@ -1,5 +1,4 @@
-"""Surfaces in every format: round trips, agreement with VTK and nibabel, one named error for a
-damaged file, and the recipes for formats that are not read."""
+"""Surfaces in every format: round trips, agreement with VTK and nibabel, one named error for a damaged file."""
 
 import hashlib
 import re
@@ -24,8 +23,6 @@ from qclearn.surfaces.surface import Surface, SurfaceError
 
 EXACT = ["a.npz", "a.ply", "a.obj"]
 SINGLE = ["a.gii", "a.surf.gii", "a.surf.gii.gz", "lh.pial", "rh.white", "lh.sphere.reg", "surface"]
-
-
 each = pytest.mark.parametrize("name", EXACT + SINGLE)
 
 # A square pyramid without its base: irrational coordinates, numbered in the order of its faces.
@@ -294,31 +291,6 @@ def test_mnis_obj_is_read_by_the_lines_on_the_page_of_files(tmp_path, monkeypatc
             np.testing.assert_array_equal(known["surface"].vertices, vertices)
             np.testing.assert_array_equal(known["surface"].faces, faces)
     refused(tmp_path / "lh.obj", "MNI's .obj went with version 0.3", "eight lines")
-
-
-@pytest.mark.parametrize("name", ["a.vtk", "a.vtp", "a.stl", "a.off"])
-def test_the_recipes_for_other_formats_keep_the_vertex_numbers(tmp_path, name):
-    """Of a shuffled mesh, vertex by vertex; STL has none, and keeps its triangles."""
-    vertices, faces = grid(5, 4)
-    order = np.random.default_rng(3).permutation(len(vertices))
-    shuffled = pyvista.PolyData.from_regular_faces(vertices[order], np.argsort(order)[faces])
-    path = tmp_path / name
-    if name == "a.off":
-        trimesh = pytest.importorskip("trimesh", reason="trimesh comes with the extra test")
-        trimesh.Trimesh(shuffled.points, shuffled.regular_faces, process=False).export(path)
-        m = trimesh.load(path, process=False)
-        surface = Surface(m.vertices, m.faces)
-    else:
-        shuffled.save(path)
-        m = pyvista.read(path)
-        m = (m.clean() if name == "a.stl" else m).triangulate()
-        surface = Surface(m.points, m.regular_faces)
-    if name == "a.stl":
-        np.testing.assert_allclose(surface.vertices[surface.faces], vertices[faces], atol=1e-6)
-        assert len(surface.vertices) == len(vertices)
-    else:
-        np.testing.assert_allclose(surface.vertices, vertices[order], atol=1e-6)
-        np.testing.assert_array_equal(surface.faces, np.argsort(order)[faces])
 
 
 @pytest.mark.parametrize("name", ["a.npy", "a.shape.gii", "lh.thickness"])
