@@ -17,19 +17,15 @@ BALL = sphere()
 SHAPE = bowl(0.6)
 X = SHAPE.vertices[:, 0]
 PATH = np.array([1, 25, 49])
-TAKEN = {  # an array, and a call that takes it
+# An array, and a call that takes it; what goes through one check of qclearn.plane.checks is here once.
+TAKEN = {
     "z": (Z, lambda z: qc.signed_areas(z, FACES)),
     "faces": (FACES, lambda faces: qc.signed_areas(Z, faces)),
-    "mu": (FEW, lambda mu: qc.solve_beltrami_disk(Z, FACES, mu)),
-    "f": (Z, lambda f: qc.jacobian(Z, FACES, f)),
     "a surface": (np.ones((len(Z), 3)), lambda f: qc.wirtinger(Z, FACES, f)),
     "pins": (np.arange(2), lambda pins: qc.solve_beltrami(Z, FACES, FEW, pins, Z[:2])),
-    "points": (Z, lambda points: qc.locate(Z, FACES, points)),
-    "pairs": (Z / 2, lambda p: qc.best_mobius(p, Z / 2)),
     "landmarks": (Z[1:5], lambda p: qc.fit_landmarks(Z, FACES, p, Z[1:5])),
     "a square": (np.ones((8, 8)), lambda image: from_square(image, Disk(Z, FACES))),
     "values": (Z.real, lambda values: qc.transfer(values, Z, FACES, Z)),
-    "labels": (np.arange(len(Z)), lambda values: qc.transfer(values, Z, FACES, Z, nearest=True)),
     "vertices": (SHAPE.vertices, lambda vertices: qc.Surface(vertices, SHAPE.faces)),
     "numbers": (np.arange(len(X)), lambda some: qc.Surface(SHAPE.vertices, SHAPE.faces, original_vertices=some)),
     "a curve": (PATH, lambda path: qc.Surface(SHAPE.vertices, SHAPE.faces, {"a": path})),

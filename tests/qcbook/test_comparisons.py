@@ -12,31 +12,24 @@ def row(pair="a", run="one", **figures):
 
 
 def test_a_figure_that_a_pair_lacks_is_no_number():
-    found = comparisons.column(
-        [row("a", landmark_error=0), row("b"), row("c", landmark_error=None)], "one", "landmark_error"
-    )
+    rows = [row("a", landmark_error=0), row("b"), row("c", landmark_error=None)]
+    found = comparisons.column(rows, "one", "landmark_error")
     assert list(found) == ["a", "b", "c"] and np.isnan([found["b"], found["c"]]).all() and found["a"] == 0
 
 
 def test_a_front_is_compared_at_the_baselines_distortion():
     points = [("one", 0.1, 1e-2), ("two", 0.3, 1e-4), ("base", 0.2, 2e-3)]
     rows = [row("a", run, mean_abs_mu=size, landmark_error=error) for run, size, error in points]
-    between = (1e-2 + 1e-4) / 2
-    assert comparisons.front_ratio(rows, ["one", "two"], "base") == {"a": pytest.approx(between / 2e-3)}
-    beaten = row("a", "three", mean_abs_mu=0.15, landmark_error=0.02)
-    assert comparisons.front_ratio([*rows, beaten], ["one", "two", "three"], "base") == {
-        "a": pytest.approx(between / 2e-3)
-    }
-    assert comparisons.front_ratio(rows, ["one"], "base") == {
-        "a": pytest.approx(1e-2 / 2e-3)
-    }  # held beyond the last point
-    assert np.isnan(
-        comparisons.front_ratio(rows, ["two"], "base")["a"]
-    )  # its least distortion is more than the baseline's
-    rows[1]["certified"] = False
-    assert comparisons.front_ratio(rows, ["one", "two"], "base") == {"a": pytest.approx(1e-2 / 2e-3)}
-    rows[2]["certified"] = False
-    assert comparisons.front_ratio(rows, ["one", "two"], "base") == {}
+    beaten, between = row("a", "three", mean_abs_mu=0.15, landmark_error=0.02), (1e-2 + 1e-4) / 2
+    folded = [rows[0], rows[1] | {"certified": False}, rows[2]]
+    for given, runs, error in (
+        (rows, ["one", "two"], between), ([*rows, beaten], ["one", "two", "three"], between),
+        (rows, ["one"], 1e-2), (folded, ["one", "two"], 1e-2),  # held beyond the last point
+        (rows, ["two"], np.nan),  # its least distortion is more than the baseline's
+    ):  # fmt: skip
+        ratio = pytest.approx(error / 2e-3, nan_ok=True)
+        assert comparisons.front_ratio(given, runs, "base") == {"a": ratio}
+    assert comparisons.front_ratio([*rows[:2], rows[2] | {"certified": False}], ["one", "two"], "base") == {}
 
 
 def test_fronts_are_ahead_behind_or_level_by_their_interval():
