@@ -2,7 +2,6 @@
 
 import json
 import re
-import sys
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
@@ -21,7 +20,7 @@ from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk
 from qclearn.plane.mobius import best_mobius, compose_mobius, mobius
 from qclearn.registration import register as pipeline
-from qclearn.registration.curves import check_curves, detect_curves, sample_curve
+from qclearn.registration.curves import detect_curves, sample_curve
 from qclearn.registration.fit import fit_landmarks, fit_problem
 from qclearn.registration.problem import Weights
 from qclearn.registration.transfer import transfer
@@ -204,6 +203,7 @@ def test_detected_curves_are_measured_against_the_true_ones_where_the_surfaces_c
         {"name": "elsewhere", "moving": [spoke(14)[0], spoke(14)[-1]], "control": spoke(14)},
     ]
     result = register(moving, control, curves)
+    assert len(result.curves["elsewhere"][0]) > 2  # of two ends, whatever the other side gives
     found, unknown = result.report["curves"]
     p, q = (sample_curve(*side) for side in ((moving, bent), (control, bent)))
     off = abs(p @ result.disk_map - q @ result.disk_control).mean()
@@ -277,18 +277,10 @@ def test_the_mobius_part_is_found_after_the_network(networks, pair):
     assert compose_mobius((0.2 - 0.1j, 1.0), there) == pytest.approx(here, abs=1e-3)
 
 
-def nowhere(z, faces, mu):
-    return np.full(len(z), np.nan + 0j)
-
-
-def mirrored_solve(z, faces, mu):
-    return solve_beltrami_disk(z, faces, mu).conj()
-
-
-@pytest.mark.parametrize(
-    "solve, words",
-    [(folding_solve, r"folded \d faces"), (nowhere, "was not finite"), (mirrored_solve, r"folded \d+ faces")],
-)
+@pytest.mark.parametrize("solve, words", [
+    (folding_solve, r"folded \d faces"), (lambda z, *_: z * np.nan, "was not finite"),
+    (lambda *given: solve_beltrami_disk(*given).conj(), r"folded \d+ faces"),
+])  # fmt: skip
 def test_where_the_solver_network_folds_the_exact_solver_steps_in(networks, pair, solve, words):
     networks()
     usual = by_networks(pair)
@@ -364,21 +356,6 @@ def test_the_shipped_networks_register(pair):
     assert report["bijective"] and report["flipped"] == 0 and report["landmark_error"] <= 5e-3
 
 
-def test_without_torch_the_error_says_what_to_install(monkeypatch, pair):
-    for name in [name for name in sys.modules if name.startswith(("qclearn.nets", "torch.", "safetensors"))]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, "torch", None)
-    with pytest.raises(ImportError, match=r"torch, which is not installed: pip install 'qclearn\[nets\]'"):
-        by_networks(pair)
-
-
-def test_two_vertices_are_endpoints_unless_the_file_says_otherwise():
-    curve = {"name": "a", "moving": [0, 5], "control": [1, 2, 3]}
-    usual, fixed = check_curves([curve, curve | {"name": "b", "detect": False}], bowl(0.6), bowl(0.6))
-    assert usual.detect == {"moving": True, "control": False}
-    assert fixed.detect == {"moving": False, "control": False}
-
-
 # Maps carried over
 
 
@@ -414,8 +391,6 @@ def test_whole_numbers_are_not_blended_and_a_hint_tells_of_floats(turned):
             there(values)
         with pytest.raises(ValueError, match=r"sum needs amounts \(floats\), and faces_to"):
             there(values, sum=True, faces_to=moving.faces)
-    with pytest.raises(ValueError, match="1 values for 589 vertices"):
-        there(3.0)
     with pytest.raises(ValueError, match="in no face; do the mesh and the vertices belong together"):
         there(control.vertices[:, 0], sum=True, faces_to=moving.faces[:99])
     with pytest.warns(UserWarning, match="whole numbers, carried as numbers; give nearest=True"):
