@@ -14,7 +14,7 @@ from sphinx.util.docutils import SphinxRole
 from .reading import minutes
 from .references import markdown_of
 
-CORE = ("firstregistration", "quasiconformal", "lbs", "freeboundary", "fit", "live", "baseline", "whennetwork")
+CORE = ("firstregistration", "quasiconformal", "lbs", "freeboundary", "fit", "live", "worth", "whennetwork")
 STAR = " ★"
 # A figure, or a part of it: fig-name@0-10-50-90 is from 0 to 50 % of its width and from 10 to 90 % of its height.
 THUMB, WIDTH = re.compile(r"_assets/thumbs/((fig-[\w-]+)(?:@(\d+)-(\d+)-(\d+)-(\d+))?)\.png"), 480

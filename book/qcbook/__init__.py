@@ -9,7 +9,7 @@ TABLE = {
     "comparisons": "among_people chain_seconds compare_fronts compare_runs median_pair methods_and_oracles "
     "noted saving",
     "diagrams": "block_diagram",
-    "dots": "dot_lines plain_ticks run_dots",
+    "dots": "dot_lines plain_ticks run_dots setting",
     "examples": "cortex_problem example_problems spread_vertices",
     **{f"explore_{name.lower()}": name for name in EXPLORABLES},
     "fitstates": "fit_state states_figure",

@@ -2,16 +2,24 @@
 
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
+# What the tables of "Should I use this?" translate: a run's key in files -> the name of its setting on every page.
+SETTINGS = {"landmark-free": "folds alone", "hybrid": "folds and curves", "Gauss-Newton": "landmarks alone"}
 COLOURS = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00"
 
 # Words of a run's name -> colour, marker, label of its family; the first one counts.
 FAMILIES = {
     "harmonic": ("#D55E00", "s", "harmonic maps"),
-    "Gauss-Newton": ("#0072B2", "o", "Gauss-Newton fits"),
+    "Gauss-Newton": ("#0072B2", "o", "landmarks alone"),
     "paper's networks": ("#CC79A7", "v", "the paper's networks, corrected"),
     "CP-Net": ("#009E73", "^", "CP-Net and what follows it"),
     "": ("0.35", "D", "others"),
 }
+
+
+def setting(run):
+    """A run's name on a page: 'Gauss-Newton, sliding' is 'landmarks alone, sliding'."""
+    key, comma, rest = run.partition(",") if "(" not in run else run.partition(" (")
+    return SETTINGS.get(key, key) + (comma + rest).replace("1e5", "10⁵").replace("1e4", "10⁴")
 
 
 def dot_lines(ax, rows, key, sets, crossed=lambda row: False):
@@ -36,7 +44,7 @@ def dot_lines(ax, rows, key, sets, crossed=lambda row: False):
         for line, run in enumerate(runs):
             if values := [row[key] for row in own[name] if row["run"] == run]:
                 ax.plot(sum(values) / len(values), line + shift, marker="|", ms=13, mew=2.5, **style)
-    ax.set(yticks=range(len(runs)), yticklabels=runs, ylim=(len(runs) - 0.5, -0.5))
+    ax.set(yticks=range(len(runs)), yticklabels=map(setting, runs), ylim=(len(runs) - 0.5, -0.5))
     ax.hlines([line - 0.5 for line in range(1, len(runs))], 0, 1, "0.8", transform=ax.get_yaxis_transform(), lw=0.8)
 
 

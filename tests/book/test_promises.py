@@ -1,7 +1,6 @@
 """What the preface says of the pages is so."""
 
 import re
-import tomllib
 from pathlib import Path
 
 import yaml
@@ -23,24 +22,6 @@ def page_links(text):
 def test_the_route_names_every_page():
     (route,) = re.findall(r"^\| part \| pages \|$.*?\n\n", INDEX, re.DOTALL | re.MULTILINE)
     assert page_links(route) == {page for chapters in PARTS.values() for page in chapters}
-
-
-def read_or_quoted():
-    """Pages before the part on networks that read a kept file, or quote figures that no cell
-    computes."""
-    literals = tomllib.loads((ROOT / "tests/book/literals.toml").read_text(encoding="utf-8"))
-    quoting = {
-        page for page, reasons in literals.items() if any(r.startswith("quoted: tools") for r in reasons.values())
-    }
-    early = {page for part in ("Before you start", "Maps", "Registration") for page in PARTS[part]}
-    reading = {path.stem for path in BOOK.glob("*.ipynb") if "read_measured(" in path.read_text(encoding="utf-8")}
-    return early & (reading | quoting)
-
-
-def test_the_preface_names_the_pages_that_read_their_numbers():
-    (promise,) = re.findall(r"\} What is computed where\n(.*?)The part \*Networks\*", INDEX, re.DOTALL)
-    assert page_links(promise) == read_or_quoted()
-    assert "Five pages" in promise and len(read_or_quoted()) == 5
 
 
 def test_the_tiles_are_the_core_path_in_its_order():

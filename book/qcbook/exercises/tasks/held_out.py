@@ -3,7 +3,7 @@ import numpy as np
 from . import parts
 
 TITLE = "Judged by what took no part"
-PAGE, MINUTES, POINTS = "realcortex", 20, 3
+PAGE, MINUTES, POINTS = "worth", 20, 3
 TASK = r"""
 In the section *Held-out curves* the curves are split in two halves; one is fitted, and the others are
 measured; then the halves change places. So every curve is held out once. Write the line

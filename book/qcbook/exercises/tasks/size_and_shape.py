@@ -3,7 +3,7 @@ import numpy as np
 import qclearn as qc
 
 TITLE = "Stretch is size and shape"
-PAGE, MINUTES, POINTS = "realcortex", 20, 3
+PAGE, MINUTES, POINTS = "worth", 20, 3
 TASK = r"""
 A map stretches a triangle by $\sigma_1 \ge \sigma_2 > 0$ in two perpendicular directions. The benchmark reports two
 numbers, [both as logarithms to base two](#sec-be-real): size, $\log_2 J$ with the ratio of areas
