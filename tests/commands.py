@@ -35,8 +35,7 @@ def everything(folder):
 
 
 def refused(capsys, folder, *arguments):
-    """The one line that a refused command prints, behind the return that ends a bar of progress; nothing else may be
-    printed or written."""
+    """The one line that a refused command prints, behind a bar of progress; nothing else is printed or written."""
     before = everything(folder)
     capsys.readouterr()
     with pytest.raises(SystemExit) as stop:

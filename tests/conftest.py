@@ -1,5 +1,4 @@
-"""Settings that every test shares: nothing opens a window, hypothesis draws the same examples in every run, and the
-library's public functions are held to the shapes that they are annotated with."""
+"""What every test shares: no windows, the same examples each time, public functions held to their shapes."""
 
 import os
 

@@ -57,8 +57,7 @@ def grid_faces(rows, columns):
 
 
 def revolution(profile, nt=96):
-    """A body around the z axis, open at its last ring: profile (K,) complex, distance from the axis
-    + i height, from a pole on the axis downward outside."""
+    """A body around the z axis, open at its last ring: profile (K,), distance + i height, from a pole down outside."""
     _, faces = polar_disk(len(profile) - 1, nt)
     ring = profile.real[1:, None] * np.exp(2j * np.pi * np.arange(nt) / nt)
     height = np.broadcast_to(profile.imag[1:, None], ring.shape)

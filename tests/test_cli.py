@@ -1,5 +1,4 @@
-"""The command line: options reach `register` under their names, files come out whole, and bad input
-is one line on stderr, exit code 2 and nothing written."""
+"""The command line: options reach `register`, files come out whole, bad input is one line and exit code 2."""
 
 import ast
 import inspect
@@ -27,7 +26,6 @@ from qclearn.io.mapfile import frame_of_side, read_registration, side_arrays, wr
 from qclearn.io.meshes import read_surface, write_surface
 from qclearn.io.values import write_values
 from qclearn.registration import diagnose
-from qclearn.registration.curves import read_landmarks
 from qclearn.registration.features import FOLDS
 from qclearn.registration.problem import LandmarkError, Weights
 from qclearn.registration.register import Stages, register
@@ -402,11 +400,6 @@ def test_open_reverses_fills_holes_and_keeps_the_hemisphere(folder, capsys):
     for name, option, structure in (("rh.ball", [], "CortexRight"), ("ball", ["--hemisphere", "left"], "CortexLeft")):
         run("open", folder / f"{name}.surf.gii", *words, folder / "open.surf.gii", *option)
         assert nibabel.load(folder / "open.surf.gii").meta["AnatomicalStructurePrimary"] == structure
-
-
-def test_landmarks_with_a_byte_order_mark_are_read(folder):
-    (folder / "landmarks.json").write_bytes(b"\xef\xbb\xbf" + json.dumps(CURVES).encode())
-    assert read_landmarks(folder / "landmarks.json") == CURVES
 
 
 # What help and pages say

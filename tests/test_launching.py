@@ -1,5 +1,4 @@
-"""The files that launch the book elsewhere say what pyproject.toml, constraints.txt and .ci/run
-say: an environment of conda, a container for development, the workflow that tests and publishes."""
+"""The files that launch the book elsewhere say what pyproject.toml, constraints.txt and .ci/run say."""
 
 import json
 import os

@@ -1,5 +1,4 @@
-"""A folder that version 0.2 wrote, with `--annot --uncertainty --sphere` and whole surfaces of 642
-vertices, can still be read."""
+"""A folder of version 0.2 (`--annot --uncertainty --sphere`, 642 vertices) can still be read."""
 
 import json
 import re

@@ -1,5 +1,4 @@
-"""The registered hemisphere on the control's sphere: sound as files hold it, what `transfer` says
-and Workbench finds, and refused where the sphere is not the control's."""
+"""The registered hemisphere on the control's sphere: sound in files, as Workbench finds, or refused."""
 
 import nibabel
 import numpy as np

@@ -1,5 +1,4 @@
-"""Whole surfaces at the command line: their numbers go in and come out, as if cut by hand; what
-does not belong, is one line."""
+"""Whole surfaces at the command line go in and come out as if cut by hand; what does not belong is one line."""
 
 import json
 import re
@@ -138,16 +137,6 @@ def test_the_registered_surface_lies_in_the_scanner(made, registered):
     np.testing.assert_allclose(shifted, points + GEOMETRY["cras"], atol=1e-5)
 
 
-def test_scanner_and_freesurfer_coordinates_go_together(made, registered, tmp_path):
-    moving = tmp_path / "rh.pial.surf.gii"
-    qc.write_surface(moving, qc.read_surface(made / "rh.pial"), frame=frame_of(made / "rh.pial"))
-    words = [moving if word == made / "rh.pial" else word for word in to_register(made)]
-    more = "--landmarks", made / "landmarks.json", "--feature", made / "rh.sulc", made / "lh.sulc"
-    run(*words, *more, "--out", tmp_path / "out")
-    ours, theirs = (np.load(place / "registration.npz")["points"] for place in (tmp_path / "out", registered))
-    np.testing.assert_allclose(ours, theirs, atol=1e-2)  # mm; float32 coordinates are rounded elsewhere
-
-
 def test_a_cut_gifti_knows_its_whole_surface_too(made, cut, tmp_path):
     """But for its faces: `open` writes the numbers into the metadata."""
     words = ("--mask", made / "rh.cortex.label", "--keep", "--out", tmp_path / "rh.pial.open.surf.gii")
@@ -267,8 +256,7 @@ def test_vertices_on_the_rim_of_a_label_may_go(made, tmp_path, capsys):
 
 @pytest.fixture(scope="module")
 def bad(made, tmp_path_factory):
-    """A folder with labels, maps and landmarks that do not fit the two whole surfaces, and a torus;
-    the vertex where the map is not finite, and the one of the landmarks on the wall."""
+    """A folder of what does not fit the whole surfaces; where its map is not finite, which landmark is on the wall."""
     folder = tmp_path_factory.mktemp("bad")
     left, right = (qc.read_surface(made / f"{side}.pial") for side in ("lh", "rh"))
     cortex = ~qc.read_mask(made / "lh.cortex.label", left, keep=True)

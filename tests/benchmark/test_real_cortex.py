@@ -24,8 +24,7 @@ RINGS, SPOKES = 16, 48
 
 
 def bowl(turn=0.0, height=0.8):
-    """A cap of 50 mm with furrows, its plan twisted by `turn`, and four curves along spokes,
-    mapped: vertices of the same number correspond, whatever the turn."""
+    """A furrowed cap of 50 mm with four spokes, its plan twisted by `turn`: vertices of one number correspond."""
     z, faces = polar_disk(RINGS, SPOKES)
     bent = z * np.exp(1j * turn * (1 - abs(z) ** 2))
     furrows = 0.12 * np.cos(9 * z.real + 3 * z.imag**2) * np.cos(8 * z.imag)
@@ -56,8 +55,7 @@ def known(sides):
 
 
 def truth_or_back(pair, turn=0):
-    """A method whose answer is the true map of the bowls, turned: where the control's vertex of the same number lies
-    in its own disk."""
+    """A method whose answer is the true map of the bowls, turned: each vertex goes where that of its number lies."""
 
     def method(problem):
         to = pair.control if problem.pair.moving.surface is pair.moving.surface else pair.moving

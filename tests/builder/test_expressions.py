@@ -1,5 +1,4 @@
-"""The numbers of the prose: asked while the page is executed, stored in its Markdown cells,
-and held to one value a page."""
+"""The numbers of the prose: asked as the page is executed, stored in its Markdown cells, of one value a page."""
 
 import pytest
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output

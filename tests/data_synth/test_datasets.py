@@ -266,17 +266,3 @@ def test_nothing_is_drawn_for_a_file_that_cannot_be_written(tmp_path):
     assert (tmp_path / "file").read_text() == "in the way"
     with pytest.warns(DatasetWarning), pytest.raises(DatasetError, match="it is a folder"):
         keep(counted(), tmp_path)
-
-
-def test_an_interrupted_drawing_leaves_what_was_there(tmp_path, monkeypatch):
-    path = tmp_path / "set.npz"
-    keep(counted(), path)
-    before = path.read_bytes()
-
-    def stop(*arguments):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(Counted, "draw", stop)
-    with pytest.warns(DatasetWarning), pytest.raises(KeyboardInterrupt):
-        keep(counted(seed=4), path)
-    assert os.listdir(tmp_path) == ["set.npz"] and path.read_bytes() == before

@@ -1,5 +1,4 @@
-"""Damaged files against every reader: each is read as a sound surface or map, or refused in one line
-that names it. A case is made again from its seed and number."""
+"""Damaged files, each made again from seed and number, are read as sound or refused in one line that names them."""
 
 import gzip
 import io

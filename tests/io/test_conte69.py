@@ -14,8 +14,7 @@ N = len(BALL.vertices)
 
 @pytest.fixture
 def folder(tmp_path):
-    """A data folder as brainspace has it: a ball for the left side, its mirror image for the right;
-    the masks differ, and each map says its side and vertex."""
+    """A data folder as brainspace has it: a ball and its mirror image; masks differ, maps say side and vertex."""
     for name in ("surfaces", "matrices/main_group"):
         (tmp_path / name).mkdir(parents=True)
     for side, word in zip(("left", "right"), SIDES):

@@ -1,5 +1,4 @@
-"""What 'Files, formats and exit codes' promises to keep of a surface: written, read back by other programs where they
-read it, and compared format by format (of maps: test_gifti.py and test_workbench.py)."""
+"""What 'Files, formats and exit codes' promises to keep of a surface, read back by other programs where they can."""
 
 import nibabel
 import numpy as np
@@ -48,8 +47,7 @@ def found(path):
 @pytest.mark.parametrize("name", KEPT)
 @pytest.mark.parametrize("via", [[], [NPZ], [GIFTI], ["b.npz", "lh.white.surf.gii.gz", NPZ]], ids=str)
 def test_each_format_of_a_surface_keeps_what_is_promised(tmp_path, name, via, flag):
-    """FreeSurfer's own coordinates become the scanner's in GIFTI and its own again in its format, where those
-    flagged as the scanner's stay; a GIFTI has no such flag."""
+    """FreeSurfer's coordinates become the scanner's in GIFTI, and its own again; those flagged as such stay."""
     path = tmp_path / "source" / FREESURFER
     path.parent.mkdir()
     write_geometry(path, STORED, BALL.faces, volume_info=GEOMETRY)

@@ -268,8 +268,7 @@ def test_annotations_that_name_no_region_for_sure_are_refused(tmp_path, entries,
 
 @pytest.fixture
 def carry(tmp_path):
-    """A function that carries a file by `qclearn transfer` onto a whole surface of 30 vertices that
-    was cut into a disk of 28; both disks are one."""
+    """A function: `qclearn transfer` of a file onto a whole surface of 30 vertices, of which a disk has 28."""
     z, faces = polar_disk(3, 9)
     disk = Surface(np.stack([z.real, z.imag, 0 * z.real], 1), faces, None, np.r_[0:10, 12:30])
     arrays = {"disk_map": z, "disk_control": z, "faces_moving": faces, "faces_control": faces}

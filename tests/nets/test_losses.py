@@ -58,8 +58,7 @@ def test_losses_are_those_of_the_assembled_matrix_the_gradient_and_the_energy(pr
 
 @pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda m: m.name)
 def test_losses_of_exact_maps_fall_with_the_mesh(exact):
-    """Rows are of order h^2, their truncation error two orders smaller; the printed rows of the boundary of
-    order h. The energy falls with h^2, and does not see Möbius maps."""
+    """Rows: order h^2, the error two more, on the printed boundary h. The energy: h^2, and blind to Möbius maps."""
     sizes = []
     for n in (16, 32):
         disk = Disk(*square_disk(n))

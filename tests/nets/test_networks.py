@@ -1,5 +1,4 @@
-"""What all networks have in common: each learns a batch, its loss is its generator's, and answers on any mesh of the
-disk are repeatable, bounded, and refused where the mesh is none."""
+"""What all networks share: they learn a batch, and answers on any mesh are repeatable, bounded or refused."""
 
 from functools import cache
 

@@ -52,12 +52,6 @@ def test_band_limited_field_is_kept():
     np.testing.assert_allclose(from_coefficients(fourier_coefficients(field, 3), n), field, atol=1e-14)
 
 
-def test_error_falls_with_each_frequency(image):
-    errors = [np.linalg.norm(compress(image, k) - image) for k in range(9)]
-    assert (np.diff(errors) < 0).all() and errors[-1] < 1e-12 < errors[-2]
-    np.testing.assert_allclose(compress(compress(image, 2), 2), compress(image, 2), atol=1e-14)
-
-
 @pytest.mark.parametrize("disk", [Disk(*polar_disk(24, 72)), Disk(*square_disk(40))])
 def test_to_the_square_and_back(disk):
     mu = 0.4 * disk.centroids.real - 0.3j * disk.centroids.imag

@@ -25,8 +25,7 @@ GROWTH = 0.4  # of the radius at the rim of `grown`, less at the centre
 
 
 def grown(disk, growth=GROWTH):
-    """A flat `ParameterizedSurface` of a disk in which the vertex z lies at z (1 + growth |z|^2):
-    its areas grow with the radius."""
+    """A flat `ParameterizedSurface` of a disk whose vertex z lies at z (1 + growth |z|^2): areas grow outwards."""
     at = disk.z * (1 + growth * abs(disk.z) ** 2)
     return ParameterizedSurface(Surface(np.stack([at.real, at.imag, 0 * at.real], axis=1), disk.faces), disk)
 
@@ -129,8 +128,7 @@ def test_without_eta_the_papers_setting_is_met_exactly_and_the_report_tells_eta(
 
 
 def tall(disk, height=0.5):
-    """The `ParameterizedSurface` of a disk under a hill and a hollow, whose places in space tell a
-    turned map from the right one."""
+    """The side of a disk under a hill and a hollow, whose places in space tell a turned map from the right one."""
     w = disk.z
     z = height * np.exp(-8 * abs(w - 0.4) ** 2) - height * np.exp(-8 * abs(w - 0.4j) ** 2)
     return ParameterizedSurface(Surface(np.stack([w.real, w.imag, z], axis=1), disk.faces), disk)

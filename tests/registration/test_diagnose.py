@@ -132,8 +132,7 @@ def test_what_is_found_does_not_hang_on_the_disk_maps_gauge(sides):
 
 
 def test_surfaces_that_share_one_numbering_are_not_called_exchanged(sides):
-    """One mesh whose curves lie elsewhere in one of its disk maps, to targets that are off by as
-    much: exchanged they fit."""
+    """One mesh whose curves lie elsewhere in one of its disk maps, and targets off by as much: exchanged they fit."""
     control, w = sides.control, sides.control.disk.z
     paths = np.array([entry["control"] for entry in SULCI[:6]])
     rng = np.random.default_rng(3)

@@ -164,8 +164,7 @@ def test_what_is_learnt_of_repeated_directions_stays_positive():
 
 
 def test_where_the_line_search_fails_a_damped_step_leads_on():
-    """Two spokes whose order a mirrored bowl turns round: without damped steps the fit at the
-    larger gamma ends at more than ten times its least."""
+    """Two spokes whose order a mirrored bowl turns round: without damped steps the larger gamma ends far above."""
     moving, control = mirror(bowl(0.6)), bowl(0.9)
     z, w = disk_conformal_map(moving), disk_conformal_map(control)
     p, q = (z[[*range(1, 145, 24), *range(7, 151, 24)]], w[[*range(2, 146, 24), *range(6, 150, 24)]])

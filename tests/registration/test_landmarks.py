@@ -78,8 +78,7 @@ def test_the_metric_scales_with_the_surface_and_needs_no_folds(groove):
 
 
 def test_the_path_follows_the_groove_and_not_the_short_way_wherever_the_surface_lies(groove, monkeypatch):
-    """Depth is measured on voxels, so a turn changes the metric, but not where the floor is; depth
-    alone and curvature alone find it."""
+    """A turn changes depth, of voxels, but not where the floor is; depth alone and curvature alone find it."""
     surface, ends = groove
     direct = fundus_path(surface, *ends, edge_lengths(surface))
     assert distance_to_floor(surface.vertices[direct]).max() > 0.5

@@ -1,5 +1,4 @@
-"""Curves that a detector finds: used where they can be, replaced by the shortest path where not.
-(Maps: test_register.)"""
+"""Curves that a detector finds: used, or replaced by the shortest path. (Maps: test_register.)"""
 
 import re
 from dataclasses import replace

@@ -1,5 +1,4 @@
-"""What the main job owes every valid pair: a map that is written, never worse than doing nothing,
-or a named refusal."""
+"""What every valid pair is owed: a map that is written, never worse than doing nothing, or a named refusal."""
 
 import re
 from dataclasses import replace
@@ -45,8 +44,7 @@ register = partial(pipeline.register, features=None)  # bowls have no folds
 
 
 def ragged(height, rings, seed):
-    """The bowl with one of two faces at the rim taken away, here and there: its rim has teeth, and ears among them,
-    faces with two edges on it. Vertices keep their order; returns the surface and the new numbers."""
+    """The bowl without some faces of the rim, which has teeth and ears (two edges on it) then; the new numbers."""
     surface, rng = bowl(height, rings=rings), np.random.default_rng(seed)
     outer = surface.faces >= len(surface.vertices) - 3 * rings
     kept = surface.faces[(outer.sum(1) != 2) | (rng.uniform(size=len(outer)) >= 0.4)]
@@ -127,8 +125,7 @@ landmarks = st.sampled_from(list(ASTRAY.values())) | st.builds(drawn, st.integer
 @example(ASTRAY["permuted"], COARSE, 1e5, "landmarks")  # where steps that objectives alone choose end in a fold
 @settings(max_examples=12, deadline=None)
 def test_no_map_ends_above_the_best_mobius_map(points, mesh, gamma, route):
-    """Of landmarks; of features whose fit begins at a field that helps nothing; of networks that
-    answer with that field."""
+    """Of landmarks; of features from a field that helps nothing; of networks that answer with that field."""
     p, q = (np.asarray(side, complex) for side in points)
     problem, weights, best = Problem(Disk(*mesh), p, q), Weights(gamma=gamma), mobius(mesh[0], *best_mobius(p, q))
     floor = (abs(problem.samples @ best - q) ** 2).mean()

@@ -1,5 +1,4 @@
-"""The radius of a registration: its covariance is the fit's own, its coverage is what was measured,
-and what is no radius does not pass the same checks."""
+"""The radius: its covariance is the fit's own, its coverage as measured, and what is no radius fails the checks."""
 
 import json
 from dataclasses import replace

@@ -1,5 +1,4 @@
-"""What the checks of the built site and of JupyterLab share: a browser, a web server for the site,
-and one JupyterLab."""
+"""What the checks of the built site and of JupyterLab share: a browser, a web server, one JupyterLab."""
 
 import functools
 import shutil

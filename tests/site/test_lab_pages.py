@@ -1,5 +1,4 @@
-"""Pages in a real JupyterLab: copies as `make lab-copies` makes them, and sources after 'Run All Cells'. Nothing is
-unknown or unresolved, figures have their pictures and descriptions, and the numbers are those of the book."""
+"""Pages in a real JupyterLab, copies and sources after 'Run All Cells': nothing unresolved, the book's numbers."""
 
 import html
 import re

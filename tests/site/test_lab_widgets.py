@@ -1,5 +1,4 @@
-"""Widgets in a real JupyterLab: an explorable that Python reads and sets, the live page's first
-cell, and landmarks clicked by mouse and by keys."""
+"""Widgets in a real JupyterLab: an explorable set by Python, the live page's first cell, clicked landmarks."""
 
 import json
 import re

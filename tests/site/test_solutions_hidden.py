@@ -1,5 +1,4 @@
-"""What students get of a built book: no solution of a graded exercise, no other one in downloads
-and copies, and the same question on the page as in the notebook."""
+"""What students get of a built book: no solution, and the same question on the page as in the notebook."""
 
 import nbformat
 import pytest

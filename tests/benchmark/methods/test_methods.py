@@ -103,8 +103,7 @@ def test_truncation_keeps_the_direction_and_the_small():
 
 
 def crossing(mesh, shift):
-    """Two short curves that turn by a share `shift` of the circle, among landmarks that stay: no method without
-    correction stays unfolded."""
+    """Two short curves that turn by a share `shift` of the circle among landmarks that stay; uncorrected maps fold."""
     along, circle = 0.1j * np.linspace(-1, 1, 6), 0.9 * np.exp(1j * np.arange(8) * np.pi / 4)
     p, turn = np.concatenate([along - 0.15, along + 0.15]), np.exp(2j * np.pi * shift)
     target = np.concatenate([turn * p, circle])
@@ -218,8 +217,7 @@ def test_smoothing_lets_thin_plates_bend_less(moved):
 
 
 def twins(monkeypatch, quality):
-    """Puts exact answers behind the networks' calls, a fit's mu, shrunk by `quality`, and the exact solver, and returns
-    the list of what is asked for."""
+    """Puts exact answers, a fit's mu shrunk by `quality` and the exact solver, for the networks: list of calls."""
 
     def network(*words):
         asked.append(words)

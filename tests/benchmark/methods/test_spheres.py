@@ -27,8 +27,7 @@ LINES = np.array([[[1, 0, 0.2], [0.4, 1, 0]], [[-1, 0.2, 0], [-0.3, 0.2, -1]], [
 
 @pytest.fixture(scope="module")
 def parts():
-    """A whole ball of 60 mm with folds, its opened part with three curves, and its sphere's points; the opened
-    part's vertices first."""
+    """A folded ball of 60 mm, its opened part (vertices first) with three curves, and its sphere's points."""
     ball = icosphere(4)
     p = ball.vertices
     folds = 0.1 * np.sin(12 * p[:, 0] + 2) * np.cos(10 * p[:, 1]) + 0.05 * np.sin(14 * p[:, 2] + 4 * p[:, 0])
@@ -44,8 +43,7 @@ def parts():
 
 @pytest.fixture(scope="module")
 def pair(parts):
-    """A ball turned in space onto itself, its sphere as before: vertices of the same number correspond; one curve is
-    held out."""
+    """A ball turned in space onto itself: vertices of the same number correspond; one curve is held out."""
     opened, whole, points = parts
     turned, turned_whole = (Surface(TURN.apply(one.vertices.copy()), one.faces, one.curves) for one in (opened, whole))
     moving, control = mapped(turned, (turned_whole, points)), mapped(opened, (whole, points))

@@ -28,8 +28,7 @@ LIMIT = 1  # seconds a cell from an endless answer on; others have what a busy m
 
 
 def nbgrader(folder, command):
-    """Run a command of the guide in this process, as its imports take longest, without the environment's programs on
-    PATH; its exit code and what it printed."""
+    """Run a command of the guide in this process, without the environment's programs on PATH: exit code, output."""
     words, printed, code, endless = command.split()[1:], io.StringIO(), 0, []
 
     def seconds(cell):
