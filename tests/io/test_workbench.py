@@ -63,15 +63,3 @@ def test_labels_have_no_key_below_0(folder, first):
     rows = re.findall(r"^ +(\d+) +(\S+) .* (\d\.\d+) *$", told[told.index("KEY") :], re.MULTILINE)
     regions = [name for name in names if name != "unknown"]
     assert rows == [("0", "???", "0.000"), *((str(k), name, "1.000") for k, name in enumerate(regions, 1))]
-
-
-def test_a_carried_map_is_smoothed_on_the_surface_with_its_cortex(folder):
-    """What `open` and `transfer` write goes together: one structure, one count, and a region of interest."""
-    write_surface(folder / "a.surf.gii", read_surface(folder / "lh.pial"), frame=frame_of(folder / "lh.pial"))
-    cortex = (BALL.vertices[:, 2] > -0.8).astype(np.float32)
-    write_values(folder / "cortex.shape.gii", cortex, side="left")
-    write_values(folder / "a.shape.gii", cortex * (2 + BALL.vertices[:, 0]), side="left")
-    surface, carried, smoothed = (folder / name for name in ("a.surf.gii", "a.shape.gii", "b.shape.gii"))
-    workbench("-metric-smoothing", surface, carried, 4, smoothed, "-roi", folder / "cortex.shape.gii")
-    smooth = read_map(smoothed)
-    assert smooth.side == "left" and np.ptp(smooth.values[cortex > 0]) > 1

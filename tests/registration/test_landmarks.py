@@ -15,26 +15,6 @@ def groove():
     return grooved_sphere()
 
 
-def steep():
-    """A sheet that is flat up to x = 1/2 and then rises twice as fast as it runs on."""
-    return sheet(61, 1.0, lambda x, y: 2 * np.maximum(x - 0.5, 0))[0]
-
-
-def row(start=0):
-    return np.arange(start, start + 61)
-
-
-def test_samples_are_equally_spaced_in_space_and_keep_the_ends():
-    surface = steep()
-    samples = sample_curve(surface, row(), 12) @ surface.vertices
-    # half of the row is 1/2 long, the other half sqrt(5)/2
-    along = np.linspace(0, 0.5 + np.sqrt(5) / 2, 12)
-    rise = np.maximum(along - 0.5, 0) / np.sqrt(5)
-    expected = np.stack([np.minimum(along, 0.5) + rise, 0 * along, 2 * rise], axis=1)
-    np.testing.assert_allclose(samples, expected, atol=1e-12)
-    np.testing.assert_allclose(sample_curve(surface, row()[::-1], 12) @ surface.vertices, expected[::-1], atol=1e-12)
-
-
 def test_samples_of_any_field_are_those_at_the_same_places_of_the_path():
     """Twenty-three points over 60 unequal segments, against interpolation over the length along the path."""
     surface = sheet(61, 1.0, lambda x, y: 0.3 * np.sin(9 * x) * np.cos(7 * y))[0]
