@@ -17,17 +17,9 @@ os.environ["QCLEARN_SUBJECTS"] = str(FOLDER)
 
 # Files that take longest, a half of the time of all unit tests between them, as of pytest --durations.
 LONGEST = [
-    "test_benchmark.py",
-    "test_nbgrader.py",
-    "test_package.py",
-    "test_right_or_refused.py",
-    "test_cli.py",
-    "test_register.py",
-    "test_train.py",
-    "test_cortex.py",
-    "test_course.py",
-    "test_run.py",
-]
+    "test_benchmark.py", "test_nbgrader.py", "test_package.py", "test_right_or_refused.py", "test_cli.py",
+    "test_register.py", "test_train.py", "test_cortex.py", "test_course.py", "test_run.py",
+]  # fmt: skip
 
 settings.register_profile("qclearn", deadline=None, derandomize=True)
 settings.load_profile("qclearn")

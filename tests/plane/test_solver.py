@@ -21,13 +21,9 @@ def moved_disk(nr, nt, a=0.4 - 0.3j, theta=0.7):
 
 
 MESHES = {
-    "square": square_disk(12),
-    "polar": polar_disk(6, 18),
-    "turned": moved_disk(6, 18, 0, 1.1),
-    "moved": moved_disk(10, 30),
-    "random": random_disk(seed=4),
-    "random 2": random_disk(seed=5),
-}
+    "square": square_disk(12), "polar": polar_disk(6, 18), "turned": moved_disk(6, 18, 0, 1.1),
+    "moved": moved_disk(10, 30), "random": random_disk(seed=4), "random 2": random_disk(seed=5),
+}  # fmt: skip
 
 
 @pytest.fixture(params=MESHES, ids=str)

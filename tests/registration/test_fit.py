@@ -299,20 +299,18 @@ def test_a_fit_ends_on_the_mesh_once_the_error_is_small_enough():
 GOOD = np.array([0.1, 0.2j, -0.3])
 OUTSIDE = "not in the closed unit disk"
 BAD = [
-    ({"target": [0.1]}, "give one target a landmark"),
-    ({"moving": [], "target": []}, "give one target a landmark"),
+    ({"target": [0.1]}, "give one target a landmark"), ({"moving": [], "target": []}, "give one target a landmark"),
     ({"moving": [[0.1, 0.2]], "target": [[0.1, 0.2]]}, "give one target a landmark"),
     ({"target": [0.1, np.nan, 0.2]}, rf"target landmarks \[1\] are {OUTSIDE}"),
     ({"moving": [0.1, 0.2, 1.2j]}, rf"moving landmarks \[2\] are {OUTSIDE} \(0\+1.2j\); map them"),
     ({"moving": [0.1, np.inf, 0.2]}, rf"moving landmarks \[1\] are {OUTSIDE}"),
     ({"moving": [0.1, 0.2, 0.1]}, "moving landmarks 0 and 2 coincide at 0.1.*drop one"),
     ({"target": [0.5, 0.2j, 0.2j]}, "target landmarks 1 and 2 coincide"),
-    ({"sliding": True}, "need the curve each belongs to"),
-    ({"curve": [0, 1]}, r"\(2,\) curve labels for 3 landmarks"),
+    ({"sliding": True}, "need the curve each belongs to"), ({"curve": [0, 1]}, r"\(2,\) curve labels for 3 landmarks"),
     *[({"curve": labels}, "labels") for labels in (["a", "b", "c"], [[1], [1, 2], [3]])],
     *[({"rings": rings}, f"rings = {rings}: give an integer") for rings in (-5, 8.5)],
     *[({side: text}, side) for side in ("moving", "target") for text in ("0.1", ["a", "b", "c"])],
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("wrong, message", BAD)

@@ -58,12 +58,9 @@ def test_options_that_do_not_go_together_are_refused_before_any_work(error, mess
 
 
 NO_WEIGHTS = {
-    "alpha": [0, np.nan, None],
-    "beta": [-1, np.inf, 1j],
-    "gamma": [0, -1e5, np.nan, "5"],
-    "delta": [-0.1, np.nan, np.inf, "0.3"],
-    "eta": [-0.1, np.nan, np.inf, "much"],
-}
+    "alpha": [0, np.nan, None], "beta": [-1, np.inf, 1j], "gamma": [0, -1e5, np.nan, "5"],
+    "delta": [-0.1, np.nan, np.inf, "0.3"], "eta": [-0.1, np.nan, np.inf, "much"],
+}  # fmt: skip
 
 
 def test_large_weights_beside_large_others_are_taken():
@@ -169,10 +166,7 @@ TABLE = np.arange(10, 599)
 
 
 @pytest.mark.parametrize("path, table, rings, hint", [
-    ([3, 590], None, 15, EXCHANGED),
-    ([3, 590], None, 3, ""),
-    ([10, 597], TABLE, 15, WHOLE),
-    ([3, 590], TABLE, 3, ""),
+    ([3, 590], None, 15, EXCHANGED), ([3, 590], None, 3, ""), ([10, 597], TABLE, 15, WHOLE), ([3, 590], TABLE, 3, ""),
     ([-1, 590], None, 15, ""),
 ])  # fmt: skip
 def test_numbers_out_of_range_are_met_with_what_they_may_be(path, table, rings, hint):

@@ -192,12 +192,9 @@ STRESS += [(noisy, amount) for amount in (0.1, 0.25, 0.5, 0.5, 0.5)]
 STRESS += [(with_slivers, 600, flatness) for flatness in (0.1, 0.01, 1e-3, 1e-5)]
 STRESS += [(decimated, kept) for kept in (0.5, 0.3, 0.2, 0.1, 0.05)] + [(peninsula, steps) for steps in (6, 10, 14)]
 COMBINED = [
-    ((ragged, 3), (noisy, 0.5)),
-    ((decimated, 0.2), (ragged, 3)),
-    ((decimated, 0.2), (noisy, 0.3)),
-    ((ragged, 4), (with_slivers, 600, 1e-3)),
-    ((noisy, 0.3), (with_slivers, 300, 1e-2)),
-]
+    ((ragged, 3), (noisy, 0.5)), ((decimated, 0.2), (ragged, 3)), ((decimated, 0.2), (noisy, 0.3)),
+    ((ragged, 4), (with_slivers, 600, 1e-3)), ((noisy, 0.3), (with_slivers, 300, 1e-2)),
+]  # fmt: skip
 VARIANTS = [(step,) for step in STRESS] + COMBINED
 HARDEST = {3, 8, 13, 17, 22, 25, *range(len(STRESS), len(VARIANTS))}  # of each kind, and all combined
 FOUR = [(hemisphere, kind) for hemisphere in ("left", "right") for kind in ("pial", "white")]
