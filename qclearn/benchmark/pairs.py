@@ -17,7 +17,7 @@ from data_synth.correspondence import locate_on_sphere
 from ..io.fsaverage import demo_landmarks, fsaverage5, whole_fsaverage5
 from ..plane.mobius import mobius, mobius_inverse
 from ..registration.curves import POINTS_PER_CURVE, check_curves, curve_lines, curves_of_both
-from ..registration.features import FINEST, FOLDS, Smoothing
+from ..registration.features import FINEST, Smoothing
 from ..registration.problem import Problem
 from ..registration.start import SurfacePair, align, distinct_landmarks, sample_lines
 from ..surfaces.conformal import ParameterizedSurface, parameterize
@@ -100,7 +100,8 @@ def mapped(surface, whole=None):
     parameterize(fresh)
     seconds = time.perf_counter() - start
     values = np.stack([sulcal_depth(surface), mean_curvature(surface)], axis=1)
-    folds = dict(zip(FOLDS, Smoothing(surface, FOLDS, values).at(FINEST).T))
+    names = "depth", "curvature"
+    folds = dict(zip(names, Smoothing(surface, names, values).at(FINEST).T))
     sphere = Sphere(surface, whole)
     return Mapped(
         surface, side.disk, messages=side.messages, sphere=sphere, seconds=seconds, folds=folds

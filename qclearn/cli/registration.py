@@ -64,7 +64,7 @@ report_option = click.option("--report", is_flag=True, help="Also write the page
     multiple=True,
     metavar="MOVING CONTROL",
     help="Per-vertex files to match, repeatable; CONTROL:2 has weight 2  "
-    "[default: depth depth, curvature curvature]",
+    "[default: depth depth, curvature curvature, potential potential]",
 )
 @click.option("--no-features", is_flag=True, help="Landmarks alone, the paper's setting.")
 @click.option("--no-landmarks", is_flag=True, help="Features alone.")

@@ -16,11 +16,11 @@ from ..plane.checks import unmasked
 from ..plane.grids import thinned
 from ..plane.linear import LARGE, around_vertices, heat_flow
 from ..plane.mobius import centring_mobius, compose_mobius, descend, mobius, mobius_fields
-from ..surfaces.curvature import mean_curvature, sulcal_depth
+from ..surfaces.curvature import curvature_potential, mean_curvature, sulcal_depth
 from ..surfaces.surface import SurfaceError
 from .problem import is_finite
 
-COMPUTED = {"depth": sulcal_depth, "curvature": mean_curvature}
+COMPUTED = {"depth": sulcal_depth, "curvature": mean_curvature, "potential": curvature_potential}
 FOLDS = tuple(COMPUTED)  # the features that a surface has by itself
 FINEST = 4.0  # mm, the scale at which features are compared in reports
 
@@ -31,6 +31,12 @@ SMOOTH_OUTLIERS = 3.0
 TAIL = 0.01
 HEAT_STEPS = 4  # implicit steps of the heat flow to one scale
 COARSE_VERTICES = 12_000  # of a large surface, on which coarser scales are smoothed
+# What a fit compares. People's folds differ in depth and in strength from region to region: up to
+# the scale LOCAL, mm, folds count by the mean and the deviation of their surroundings, NEIGHBOURHOOD
+# mm wide, with LEAST_VARIANCE of the whole where these have none. Above it the potential of
+# curvature takes a SHARE of the depth's weight.
+LOCAL, NEIGHBOURHOOD, LEAST_VARIANCE = 8.0, 30.0, 0.05
+SHARE = 0.5
 # mm^2, of a surface on which a scale is in mm; on others in proportion, whatever their unit.
 HEMISPHERE = 9e4
 
@@ -65,6 +71,21 @@ class Smoothing:
         """The smoothed values (V, C), outliers clipped, standardised."""
         values = self.smoothed(sigma)[:, : len(self.names)]
         return standardised(clipped(values, self.areas, SMOOTH_OUTLIERS), self.areas)
+
+    def compared(self, sigma):
+        """What a fit compares at a scale (V, C): `at`, or up to the scale LOCAL for FOLDS `(v -
+        mean) / sqrt(variance + LEAST_VARIANCE)`, both of their surroundings; cached."""
+        if ("compared", sigma) not in self.flows:
+            values, folds = self.at(sigma), [name in FOLDS for name in self.names]
+            if sigma <= LOCAL and any(folds):
+                own = values[:, folds]
+                around = self.flow(NEIGHBOURHOOD, self.mass @ np.hstack([own, own**2]))
+                mean, square = np.split(around, 2, axis=1)
+                variance = np.maximum(square - mean**2, 0) + LEAST_VARIANCE
+                values[:, folds] = (own - mean) / np.sqrt(variance)
+                values = standardised(clipped(values, self.areas, SMOOTH_OUTLIERS), self.areas)
+            self.flows["compared", sigma] = values
+        return self.flows["compared", sigma]
 
     def density(self, sigma, disk):
         """log of the share of the surface's area over that of the disk's (V,), smoothed, on any of
@@ -152,11 +173,10 @@ class Feature:
 
 
 class Features:
-    """The features of a moving `ParameterizedSurface` compared with those of a control: a
-    `ParameterizedSurface` or a group's mean.
+    """The features of a moving `ParameterizedSurface` compared with those of a control.
 
-    names (C,); feature_weights (C,): of sum 1; areas (V,): moving vertices' shares of the area;
-    disk: the control's.
+    names (C,); feature_weights (C,): of sum 1, by which a start weighs them; areas (V,): moving
+    vertices' shares of the area; disk: the control's.
     """
 
     def __init__(self, moving, control, weights=None):
@@ -169,6 +189,16 @@ class Features:
     def at(self, sigma):
         """Both sides' features at scale sigma, standardised: (V, C) and (W, C)."""
         return tuple(one.at(sigma) for one in self.smoothings)
+
+    def compared(self, sigma):
+        """What a fit compares at scale sigma, (V, C) and (W, C), and the maps' weights there (C,), of
+        sum 1: beside depth the potential counts above the scale LOCAL alone, by its SHARE."""
+        weights, names = self.feature_weights.copy(), list(self.names)
+        if {"depth", "potential"} <= set(names):
+            share = SHARE if sigma > LOCAL else 0.0
+            weights[names.index("depth")] *= 1 - share
+            weights[names.index("potential")] *= share
+        return *(one.compared(sigma) for one in self.smoothings), weights / weights.sum()
 
     def judges(self, sigma):
         """The moving vertices at which features of a scale are compared, as of `Smoothing.few`, and
@@ -271,7 +301,7 @@ def check_features(features, moving, control):
         if isinstance(given, str):
             if given not in FOLDS:
                 raise FeatureError(
-                    f"unknown feature {given!r}: {' and '.join(FOLDS)} are computed, others are "
+                    f"unknown feature {given!r}: {', '.join(FOLDS)} are computed, others are "
                     "arrays"
                 )
             given = Feature(given, *(COMPUTED[given](surface) for surface in (moving, control)))

@@ -119,9 +119,9 @@ def register(
     from surface to surface. With eta = 0 only areas in the disks count, as in the paper. None:
     DELTA (3) and ETA (3.5) with features, DELTA_BY_DISKS (1) where eta is 0; without features 0.
 
-    features: per-vertex maps that the map matches between the curves. "depth" and "curvature" are
-    computed, a pair of arrays (V,) and (W,) is the user's own, and (pair, weight) has a weight
-    other than 1. None: landmarks alone, the paper's setting.
+    features: per-vertex maps that the map matches between the curves. "depth", "curvature" and
+    "potential" (of the curvature) are computed, a pair of arrays (V,) and (W,) is the user's own,
+    and (pair, weight) has a weight other than 1. None: landmarks alone, the paper's setting.
 
     hold_out: names of curves (or `"hold_out": true` in the file) that are measured and not fitted.
     uncertainty: also a radius in mm at each moving vertex, calibrated where the truth is known

@@ -81,12 +81,12 @@ class FeatureTerm:
 
     def __init__(self, features, sigma, delta, places=None, judges=None):
         self.disk, self.places = features.disk, places or Places(features.disk)
-        self.here, self.there = features.at(sigma)
+        self.here, self.there, weights = features.compared(sigma)
         self.slopes, areas = vertex_slopes(features.disk, self.there), features.areas
         if judges is not None:
             some, areas = judges
             self.here = self.here[some]
-        self.scale = np.sqrt(delta * areas[:, None] * features.feature_weights)
+        self.scale = np.sqrt(delta * areas[:, None] * weights)
 
     def residual(self, f):
         """`sqrt(delta a_c w_k) (s_c - t_c)`, (C V,), feature after feature, for a map f (N,)."""

@@ -204,6 +204,10 @@ class Directions(Features):
         """Places on the unit sphere (V, 3) and (W, 3)."""
         return self.spheres
 
+    def compared(self, sigma):
+        """The same, and weights (3,)."""
+        return *self.spheres, self.feature_weights
+
 
 class RotationSearch:
     """Rotations of a moving sphere onto a control's (W, 3), tried on POINTS of its vertices."""

@@ -126,8 +126,8 @@ def uncertainty_of(problem, weights, fit):
     scale /= size_of(control.surface).mm
 
     # The local mismatch of the features.
-    here, there = folded.features.at(FINEST)
-    off = (here - control.disk.interpolate(there, places)) ** 2 @ folded.features.feature_weights
+    here, there, by_map = folded.features.compared(FINEST)
+    off = (here - control.disk.interpolate(there, places)) ** 2 @ by_map
     local, mean = np.maximum(blurred(moving.smoothing, off), 1e-6), areas @ off
 
     # The posterior's spread; its noise is the objective's own residual, where it has one.
@@ -192,7 +192,7 @@ def check_uncertainty(features, method, sliding, weights):
     for clash, name in (
         (method != "exact", f"method {method!r}"),
         (sliding, "sliding landmarks"),
-        (own_features, f"other features than {' and '.join(FOLDS)}"),
+        (own_features, f"other features than {', '.join(FOLDS)}"),
     ):
         if clash:
             raise LandmarkError(

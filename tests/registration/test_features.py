@@ -7,10 +7,10 @@ from scipy.special import j0, jn_zeros
 from known_surfaces import grooved_sphere
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk
-from qclearn.registration.features import HEMISPHERE, Feature, FeatureError, Smoothing, check_features, featured
+from qclearn.registration.features import FOLDS, HEMISPHERE, Feature, FeatureError, Smoothing, check_features, featured
 from qclearn.registration.residuals import FeatureTerm, Places
 from qclearn.surfaces.conformal import ParameterizedSurface
-from qclearn.surfaces.curvature import mean_curvature, sulcal_depth
+from qclearn.surfaces.curvature import curvature_potential, mean_curvature, sulcal_depth
 from qclearn.surfaces.surface import Surface
 
 Z, FACES = polar_disk(24, 72)
@@ -101,9 +101,39 @@ def test_weights_are_shares():
     assert one == pytest.approx(same) != pytest.approx(even)
 
 
-def test_the_folds_are_depth_and_curvature():
+@pytest.mark.parametrize("name, sigma, local", [("depth", 4.0, True), ("depth", 16.0, False), ("own", 4.0, False)])
+def test_fine_folds_count_by_their_surroundings(name, sigma, local):
+    """Waves of 25 mm, three times as strong on the right as on the left, and on a slope."""
+    strength = np.where(Z.real > 0, 3.0, 1.0)
+    wave = strength * np.cos(2 * np.pi * Z.imag * np.sqrt(HEMISPHERE / np.pi) / 25) + 2 * Z.real
+    smoothing = Smoothing(flat(), [name], wave[:, None])
+    found, plain = smoothing.compared(sigma), smoothing.at(sigma)
+    if not local:
+        np.testing.assert_array_equal(found, plain)
+        return
+    left, right = ((abs(Z.imag) < 0.8) & side for side in (Z.real < -0.3, Z.real > 0.3))
+    assert np.std(found[right]) < 1.3 * np.std(found[left]) and np.std(plain[right]) > 2 * np.std(plain[left])
+
+
+@pytest.mark.parametrize(
+    "names, sigma, shares",
+    [
+        (("depth", "curvature", "potential"), 16.0, (0.25, 0.5, 0.25)),
+        (("depth", "curvature", "potential"), 8.0, (0.5, 0.5, 0)),
+        (("curvature", "potential"), 8.0, (0.5, 0.5)),
+        (("own", "depth"), 16.0, (0.5, 0.5)),
+    ],
+)
+def test_the_potential_takes_half_of_the_weight_of_the_depth_at_coarse_scales(names, sigma, shares):
+    found = compared(flat(), [Feature(name, ONE, ONE) for name in names])
+    np.testing.assert_allclose(found.compared(sigma)[-1], shares)
+    np.testing.assert_allclose(found.feature_weights, 1 / len(names))
+
+
+def test_the_folds_are_depth_curvature_and_its_potential():
     surface, _ = grooved_sphere()
-    depth, curvature = check_features(("depth", "curvature"), surface, surface)
+    depth, curvature, potential = check_features(FOLDS, surface, surface)
+    np.testing.assert_array_equal(potential.moving, curvature_potential(surface))
     np.testing.assert_array_equal(depth.moving, sulcal_depth(surface))
     np.testing.assert_array_equal(curvature.control, mean_curvature(surface))
     assert (depth.name, depth.weight, curvature.name) == ("depth", 1.0, "curvature")
@@ -140,7 +170,7 @@ BAD_FEATURES = [
     ([(ONE, SPIKE)], "feature 1, control side: the same value everywhere but for outliers; leave it out"),
     ([(MASK, ONE)], "feature 1, moving side: the same value everywhere but for outliers; leave it out"),
     ([("wave", ONE)], "^feature 1, moving side: values of type <U4"),
-    (["sulc"], "unknown feature 'sulc': depth and curvature are computed"),
+    (["sulc"], "unknown feature 'sulc': depth, curvature, potential are computed"),
     ("depth", "features are 'depth': give a list"),
     ([], r"features are \[\]: give a list of them, or None for landmarks alone"),
     ([ONE], "feature 1 is neither a name nor a pair of maps"),

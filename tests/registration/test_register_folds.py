@@ -120,4 +120,5 @@ def test_the_networks_answer_is_where_the_features_begin(monkeypatch):
 
 def test_folds_lead_unless_they_are_told_not_to():
     report = register(MOVING, CONTROL, entries(0), gamma=1e2).report
-    assert list(report["features"]) == list(report["r"]) == ["depth", "curvature"] and report["delta"] == DELTA
+    assert list(report["features"]) == list(report["r"]) == ["depth", "curvature", "potential"]
+    assert report["delta"] == DELTA

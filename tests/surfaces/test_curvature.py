@@ -13,9 +13,11 @@ from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.grids import pixel_centres, polar_disk
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.curvature import (
+    POTENTIAL,
     AreaRadius,
     area_radius,
     curvature_image,
+    curvature_potential,
     grey_levels,
     grow,
     mean_curvature,
@@ -32,6 +34,20 @@ def test_sphere_is_exact():
     for r in (0.01, 70.0):
         np.testing.assert_allclose(mean_curvature(Surface(r * vertices + 5, faces)), 1 / r, rtol=1e-9)
     np.testing.assert_allclose(mean_curvature(Surface(2 * vertices, faces[:, ::-1])), -0.5, rtol=1e-9)
+
+
+@pytest.mark.parametrize("unit", [1e-3, 70.0])
+def test_the_potential_of_a_harmonic_is_damped_as_its_eigenvalue_says(unit):
+    """`u = L H` on a sphere, and `H L / (1 + L^2 l (l + 1))` where H is a harmonic of degree l."""
+    ball = icosphere(4)
+    harmonic = np.polynomial.legendre.Legendre.basis(4)(ball.vertices[:, 2])[:, None]
+    for bump, degree in ((0.0, 0), (1e-3, 4)):
+        surface = Surface(unit * ball.vertices * (1 + bump * harmonic), ball.faces)
+        length, areas = POTENTIAL * np.sqrt(surface.area), surface.vertex_areas / surface.area
+        off = mean_curvature(surface) - 1 / unit
+        expected = length * (1 / unit + off / (1 + (length / unit) ** 2 * degree * (degree + 1)))
+        found = curvature_potential(surface)
+        assert np.sqrt(areas @ (found - expected) ** 2) <= 0.03 * length * np.sqrt(areas @ off**2) + 1e-9
 
 
 def test_ellipsoid_converges_on_average():

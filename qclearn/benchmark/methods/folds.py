@@ -17,7 +17,7 @@ def hybrid(
     """Landmarks and folds in one fit, the default of `register`: f (V,).
 
     The least `alpha mean|nu|^2 + beta mean|grad nu|^2 + gamma mean|M(f(p)) - q|^2 + delta` times
-    the mismatch of depth and curvature, from coarse features to fine ones. A RepairWarning says if
+    the mismatch of the folds, from coarse features to fine ones. A RepairWarning says if
     rows were switched or weights lowered.
     """
     return by_folds(problem, Weights(alpha, beta, gamma, delta, eta))
@@ -48,7 +48,7 @@ def by_folds(problem, weights, pair=None):
 
 
 def with_folds(problem):
-    """A problem's pair with depth and curvature, computed anew: such a fit's time includes them."""
+    """A problem's pair with its folds, computed anew: such a fit's time includes them."""
     return diagnose.with_folds(replace(pair_of(problem), features=None))
 
 
