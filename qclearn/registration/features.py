@@ -301,8 +301,7 @@ def check_features(features, moving, control):
         if isinstance(given, str):
             if given not in FOLDS:
                 raise FeatureError(
-                    f"unknown feature {given!r}: {', '.join(FOLDS)} are computed, others are "
-                    "arrays"
+                    f"unknown feature {given!r}: {', '.join(FOLDS)} are computed, others are arrays"
                 )
             given = Feature(given, *(COMPUTED[given](surface) for surface in (moving, control)))
         elif not isinstance(given, Feature):

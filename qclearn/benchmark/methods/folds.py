@@ -17,8 +17,8 @@ def hybrid(
     """Landmarks and folds in one fit, the default of `register`: f (V,).
 
     The least `alpha mean|nu|^2 + beta mean|grad nu|^2 + gamma mean|M(f(p)) - q|^2 + delta` times
-    the mismatch of the folds, from coarse features to fine ones. A RepairWarning says if
-    rows were switched or weights lowered.
+    the mismatch of the folds, from coarse features to fine ones. A RepairWarning says if rows were
+    switched or weights lowered.
     """
     return by_folds(problem, Weights(alpha, beta, gamma, delta, eta))
 

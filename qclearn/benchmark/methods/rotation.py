@@ -17,8 +17,9 @@ JUDGES = 4000  # vertices that judge a rotation
 def rotation(problem):
     """The rotation of the moving sphere whose folds fit the control's best: points (V', 3).
 
-    Greatest mean over the moving area of each map of folds times the control's, standardised, each moving vertex with the control's nearest: at the scale SCALE from far, at
-    FINEST from 4 degrees on. Grids of three angles, ever narrower, from the spheres as they lie.
+    Greatest mean over the moving area of each map of folds times the control's, standardised, each
+    moving vertex with the control's nearest: at the scale SCALE from far, at FINEST from 4 degrees
+    on. Grids of three angles, ever narrower, from the spheres as they lie.
     SphereError where a surface has no sphere.
     """
     pair = with_folds(problem)
