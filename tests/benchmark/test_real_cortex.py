@@ -91,7 +91,7 @@ def test_folds_lead_where_landmarks_do_not_reach(pair, once):
     by_landmarks, *others = (trial(replace(pair, there_and_back=False), run, METHODS[run.name]) for run in runs)
     assert by_landmarks["certified"] and by_landmarks["there_and_back_mm"] is None
     for row in others:
-        assert row["certified"] and row["held_out_mm"] < 0.5 * by_landmarks["held_out_mm"]
+        assert row["certified"] and row["held_out_mm"] < 0.6 * by_landmarks["held_out_mm"]
         assert row["r_curvature"] > 0.9 > by_landmarks["r_curvature"]
     assert others[0]["landmark_error"] < others[1]["landmark_error"]
 
