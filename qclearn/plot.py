@@ -1,19 +1,16 @@
 """Figures: what is shown on the disk (matplotlib, no global state)."""
 
 import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle
 from scipy import sparse
 
-from .interrupts import signals_wait
 from .plane.checks import complex_numbers
 from .plane.disk import Disk, pairs
 from .plane.grids import thinned
 from .surfaces.curvature import area_radius, grey_levels, mean_curvature
-
-with signals_wait():
-    from matplotlib.collections import LineCollection
-    from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Circle
 
 # The paper's colours, in shades that colour-blind readers tell apart; a dashed line is the second
 # cue for a target.

@@ -17,9 +17,7 @@ from .trial import failed, trial
 def isolated_trial(pair, run, method, limit):
     """The row of `trial`, or a failed one after `limit` seconds; method: bytes by cloudpickle."""
     with TemporaryDirectory() as folder:
-        # By protocol 5 arrays that are read-only stay so.
-        task = pickle.dumps((pair, run, method, limit), protocol=5)
-        Path(folder, "task").write_bytes(task)
+        Path(folder, "task").write_bytes(pickle.dumps((pair, run, method, limit)))
         command = [sys.executable, "-c", f"import {__name__} as own; own.run_task({folder!r})"]
         paths = {"PYTHONPATH": os.pathsep.join(sys.path)}  # where a method's module lies
         options = {"env": os.environ | paths, "start_new_session": True}

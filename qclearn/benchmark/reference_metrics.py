@@ -1,5 +1,7 @@
 """Measures by held-out curves, folds and held-out maps, and those of the true map itself."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import scipy
 
@@ -37,16 +39,6 @@ def curve_errors(pair, curves, f, image):
     return in_disk, np.linalg.norm(image.lift(image.locate(mapped)) - target_mm, axis=1)
 
 
-class Carried:
-    """A moving `ParameterizedSurface` whose points are lifted to their images on the control."""
-
-    def __init__(self, side, f, image):
-        self.disk, self.f, self.image = side.disk, f, image
-
-    def lift(self, points):
-        return self.image.lift(self.image.locate(self.disk.interpolation(points) @ self.f))
-
-
 def held_out(pair, sides, f, image):
     """The held-out curves' distances from the control's, mm, by the names of HELD_OUT.
 
@@ -58,7 +50,11 @@ def held_out(pair, sides, f, image):
     names = [curve.name for curve in sides.held]
     here, _ = curve_lines(sides.moving, sides.held, "moving")
     there, _ = curve_lines(sides.control, sides.held, "control")
-    images = curves_in_space(Carried(sides.moving, f, image), here)
+
+    def lift(points):  # to their images on the control
+        return image.lift(image.locate(sides.moving.disk.interpolation(points) @ f))
+
+    images = curves_in_space(SimpleNamespace(lift=lift), here)
     pairs = list(zip(images, curves_in_space(sides.control, there)))
     each = {name: float(curve_distance(*both)) for name, both in zip(names, pairs)}
     distances = list(each.values())

@@ -71,12 +71,8 @@ def train(network, preset, gamma, out, data, steps, seed, quick):
     multiple=True,
     help="Instead of all: harmonic, harmonic:weight=2,landmarks=path; repeatable.",
 )
-@click.option(
-    "--limit", type=float, default=3600, help="Seconds for a row of a method that is not ours."
-)
-@click.option(
-    "--fronts", is_flag=True, help="Also fits along a front, to compare at one distortion."
-)
+@click.option("--limit", type=float, default=3600, help="Seconds for a row of another's method.")
+@click.option("--fronts", is_flag=True, help="Also fits along a front, to compare at one |mu|.")
 @click.option("--scheduler", help="Address of a dask scheduler, `tcp://HOST:8786`.")
 @click.option("--workers", type=int, default=2, help="Processes, without --scheduler.")
 @click.option("--data", help="Folder of synthetic subjects  [default: the user's cache]")

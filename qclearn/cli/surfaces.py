@@ -35,9 +35,7 @@ hemisphere_option = click.option(
     required=True,
     help="A .label, or a map that is not 0 there: the vertices to cut away.",
 )
-@click.option(
-    "--keep", is_flag=True, help="The file names what stays (lh.cortex.label, thickness)."
-)
+@click.option("--keep", is_flag=True, help="The file says what stays (lh.cortex.label, thickness)")
 @click.option("--reverse", is_flag=True, help="Reverse all faces first: the surface is inside out.")
 @units_option
 @merge_option
@@ -112,8 +110,7 @@ def transfer(registration, values, to, nearest, sum, hemisphere, wall, out):
     if given.is_integer and not nearest:
         raise ValueError(
             f"{values}: holds whole numbers, which interpolation would blend into others; add "
-            "--nearest to carry them as labels, or save them with a decimal point (as floats) to "
-            "interpolate"
+            "--nearest to carry them as labels, or save them as floats to interpolate"
         )
     here = numberings[source].on_cut_surface(given.values, values)
     # What FreeSurfer's name calls areas or volumes are amounts, unless they are labels.
@@ -138,9 +135,7 @@ def write_carried(out, carried, numbering, wall):
     if wall == "nan" and carried.is_integer:
         raise ValueError("--wall nan: labels are whole numbers; leave it out")
     if wall == "nan" and not numbering.known:
-        raise ValueError(
-            "--wall nan: the registration does not know the whole surface; leave it out"
-        )
+        raise ValueError("--wall nan: the whole surface is not known; leave it out")
     if wall == "cut" or not numbering.known:
         qc.write_values(out, *carried)
         return numbering.size
@@ -148,9 +143,7 @@ def write_carried(out, carried, numbering, wall):
     differs = beside.exists() and not np.array_equal(qc.read_values(beside), cortex)
     if differs or Path(out) == beside:
         advice = "choose another folder or name"
-        raise qc.SurfaceError(
-            f"{beside}: would be replaced by the cortex of this surface; {advice}"
-        )
+        raise qc.SurfaceError(f"{beside}: this surface's cortex would replace it; {advice}")
     labels = carried.labels or {}
     fill = np.nan if wall == "nan" else 0
     if labels and wall != "nan":

@@ -30,9 +30,7 @@ _SIDE = re.compile(r"(?:^|[._-])(?:hemi-)?(L|R|(?i:lh|rh|left|right))(?=[._-]|$)
 # FreeSurfer's own coordinates: around the middle of its volume, at `cras` in the scanner.
 TKR = "tkr"
 # What a header says of its axes: SPACE=LPS (3D Slicer), space: left-posterior-superior (NRRD).
-_SAID = re.compile(
-    r"(?i)(?:space|system|orientation|frame)[\s=:\"']{1,4}(LPS|RAS|left-post\w*-sup|right-ant\w*-sup)"
-)
+_SAID = re.compile(r"(?i)(?:space|system|orientation)\W{1,4}(LPS|RAS|left-p\w*-s|right-a\w*-s)")
 _AXES = ("xras", "yras", "zras", "cras")
 _TKR_AXES = np.array([[-1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # of the voxels, in these coordinates
 

@@ -56,10 +56,8 @@ class Numbering:
         elif len(values) == 2 * count:
             advice = "it seems to be of both hemispheres: give this one's half"
         elif count / 2 < len(values) < count:
-            advice += (
-                " (values of the cortex without its wall: put them at its vertices in a whole "
-            )
-            advice += "map, whole[cortex] = values; those of CIFTI: wb_command -cifti-separate)"
+            advice += " (values of the cortex alone: put them at its vertices in a whole map, "
+            advice += "whole[cortex] = values; those of CIFTI: wb_command -cifti-separate)"
         raise SurfaceError(f"{name}: {message}{whole}; {advice}")
 
     def on_whole(self, values, wall):
@@ -169,8 +167,6 @@ def frame_of_whole(frame, surface):
 def require_side(path, side, other, owner):
     """SurfaceError where a file and the surface that it is for are of different hemispheres."""
     if side and other and side != other:
-        advice = (
-            f"give the {other} one's, or correct its name and metadata (wb_command -set-structure)"
-        )
+        advice = f"give the {other} one's, or correct its name and metadata"
         message = f"is of the {side} hemisphere, {owner} of the {other} one"
         raise SurfaceError(f"{path}: {message}; {advice}")

@@ -38,9 +38,7 @@ def read_ply(path, data):
     face = elements.get("face", ())
     name = next((name for name in _TRIANGLES["face"] if name in face), None)
     if name is None or not all(axis in vertex for axis in "xyz"):
-        raise FormatError(
-            "the PLY file lacks vertices with x, y, z, or faces with a list vertex_indices"
-        )
+        raise FormatError("it lacks vertices with x, y, z, or faces with a list vertex_indices")
     corners = np.asarray(face[name])
     if corners.dtype == object:  # lists of any length
         require_triangles([len(row) for row in corners])

@@ -86,9 +86,7 @@ def check_faces(faces, n_vertices, error=BeltramiError):
     SurfaceError for the faces of a surface."""
     faces = unmasked(faces, "faces", error)
     if faces.ndim != 2 or faces.shape[1] != 3:
-        raise error(
-            f"faces must have the shape (F, 3), not {faces.shape}; split polygons into triangles"
-        )
+        raise error(f"faces must have the shape (F, 3), not {faces.shape}: triangles alone")
     if faces.dtype.kind not in "iu":
         raise error(f"faces must be integers, not {faces.dtype}; give faces.astype(int)")
     if not len(faces):
@@ -152,14 +150,10 @@ def check_pins(pinned, values, n_vertices):
             "for at least one"
         )
     if not np.issubdtype(pinned.dtype, np.integer):
-        raise BeltramiError(
-            f"pinned vertices have type {pinned.dtype}: give integer vertex indices"
-        )
+        raise BeltramiError(f"pinned vertices have type {pinned.dtype}: give integer indices")
     outside = pinned[(pinned < 0) | (pinned >= n_vertices)]
     if len(outside):
-        raise BeltramiError(
-            f"pinned vertices out of range 0..{n_vertices - 1}: {outside[:5].tolist()}"
-        )
+        raise BeltramiError(f"pinned vertices out of range 0..{n_vertices - 1}: {some(outside)}")
     unique, count = np.unique(pinned, return_counts=True)
     if (count > 1).any():
         raise BeltramiError(
@@ -167,6 +161,6 @@ def check_pins(pinned, values, n_vertices):
         )
     if not np.isfinite(values).all():
         raise BeltramiError(
-            f"values not finite at pins {np.flatnonzero(~np.isfinite(values))[:5].tolist()}"
+            f"values not finite at pins {some(np.flatnonzero(~np.isfinite(values)))}"
         )
     return pinned, values

@@ -297,11 +297,9 @@ def check_curves(curves, moving, control, fewest=1):
 
 def held_apart(curves, names):
     """`Curve`s as two lists: those to fit, and those held out by these names or by their file."""
-    if isinstance(names, str):
-        names = [names]
-    if not isinstance(names, (list, tuple, set)) or not all(
-        isinstance(name, str) for name in names
-    ):
+    names = [names] if isinstance(names, str) else names
+    listed = isinstance(names, (list, tuple, set))
+    if not listed or not all(isinstance(name, str) for name in names):
         raise LandmarkError(f"hold_out is {names!r:.60}: give a list of names of curves")
     unknown = sorted(set(names) - {curve.name for curve in curves})
     if unknown:
@@ -361,9 +359,7 @@ def _other_numbers(path, surface, other_side, other):
     if not numbers or path.min() < 0 or path.max() < len(surface.vertices):
         return ""
     if surface.original_vertices is not None and np.isin(path, surface.original_vertices).all():
-        return (
-            " numbering: all are vertices of the whole surface; give their numbers on the cut one"
-        )
+        return " numbering: all are vertices of the whole surface; give those of the cut one"
     if path.max() < len(other.vertices):
         return (
             f" exchanged: or of the {other_side} surface, which has so many? then exchange MOVING "

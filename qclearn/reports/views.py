@@ -16,7 +16,6 @@ from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 from scipy import sparse
 
-from ..interrupts import signals_wait
 from ..plane.linear import heat_flow
 from ..registration.features import HEAT_STEPS, HEMISPHERE
 
@@ -162,7 +161,6 @@ def inflated(surface):
     return points / np.linalg.norm(points, axis=1).max()
 
 
-@signals_wait()  # PyVista imports where it is used
 def decimated(vertices, faces):
     """(indices (K,), vertices (K, 3), faces) of a mesh decimated to about MOST_VERTICES.
 

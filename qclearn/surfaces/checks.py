@@ -38,14 +38,10 @@ def vertex_array(vertices, finite=True):
     try:
         given = unmasked(vertices, "vertices", TypeError).dtype
         vertices = np.array(vertices, dtype=np.float64, order="C")
+        if given.kind not in "fiu":
+            raise TypeError(f"they are of the type {given}")
     except (TypeError, ValueError) as error:
-        raise SurfaceError(
-            f"vertices must be a (V, 3) array of real numbers, but {error}"
-        ) from None
-    if given.kind not in "fiu":
-        raise SurfaceError(
-            f"vertices must be a (V, 3) array of real numbers, but they are of the type {given}"
-        )
+        raise SurfaceError(f"vertices must be an array (V, 3) of real numbers: {error}") from None
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise SurfaceError(
             f"vertices must have the shape (V, 3), not {vertices.shape}; pad planar points with z "

@@ -47,9 +47,7 @@ class Surface:
         self.vertices = vertex_array(vertices)
         self.faces = read_only(check_faces(faces, len(self.vertices), SurfaceError))
         check_shapes(self.vertices, self.faces)
-        self.edges, self.edge_faces, self._boundary_halfedges = check_topology(
-            self.vertices, self.faces
-        )
+        self.edges, self.edge_faces, self._rim = check_topology(self.vertices, self.faces)
         self.curves = {
             name: curve_path(name, path, len(self.vertices))
             for name, path in (curves or {}).items()
@@ -64,7 +62,7 @@ class Surface:
     def boundary_loops(self) -> list[Integer[ndarray, " _"]]:
         """The boundary's loops by their smallest vertices, where they start; the surface is left,
         seen from outside."""
-        return closed_loops(self._boundary_halfedges)
+        return closed_loops(self._rim)
 
     @cached_property
     def boundary(self) -> Integer[ndarray, " B"]:

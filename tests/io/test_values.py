@@ -310,7 +310,7 @@ def test_the_wall_is_no_region(tmp_path, carry, names, alpha, out):
 
 def test_a_name_and_a_count_say_which_numbers_are_others(tmp_path, carry, capsys):
     for values, words in (
-        (np.zeros(29), "29 values for 28 vertices .*, 30 before .*without its wall.*-cifti-separate"),
+        (np.zeros(29), "29 values for 28 vertices .*, 30 before .*of the cortex alone.*-cifti-separate"),
         (np.zeros(60), "60 values .*of both hemispheres"),
         (np.zeros((3, 30)), "3 values .*transpose"),
     ):

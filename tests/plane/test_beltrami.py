@@ -260,8 +260,8 @@ def test_unusable_coefficients(mu, message):
 
 
 @pytest.mark.parametrize("pinned, values, message", [
-    ([len(Z)], [1], "out of range"), ([-1], [1], r"out of range .*: \[-1\]"), ([3, 3], [1, 1], r"once: \[3\]"),
-    ([1, 2], [1], "one value a vertex"), ([], [], "at least one"), ([1], [np.nan], r"not finite at pins \[0\]"),
+    ([len(Z)], [1], "out of range"), ([-1], [1], "out of range .*: -1"), ([3, 3], [1, 1], r"once: \[3\]"),
+    ([1, 2], [1], "one value a vertex"), ([], [], "at least one"), ([1], [np.nan], "not finite at pins 0"),
     ([1.5], [1], "integer"), ([True, False], [1, 1], "integer"), ([[1, 2]], [[1, 1]], "one value a vertex"),
 ])  # fmt: skip
 def test_unusable_pins(pinned, values, message):

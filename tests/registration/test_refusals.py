@@ -161,7 +161,7 @@ def test_landmarks_made_for_other_surfaces_are_refused(side, wanted, message):
 
 
 EXCHANGED = " exchanged: or of the control surface, which has so many? then exchange MOVING and CONTROL"
-WHOLE = " numbering: all are vertices of the whole surface; give their numbers on the cut one"
+WHOLE = " numbering: all are vertices of the whole surface; give those of the cut one"
 TABLE = np.arange(10, 599)
 
 
