@@ -6,9 +6,7 @@ _PYVISTA = (
     "3D Slicer, whose files are in LPS, m.points * [-1, -1, 1]"
 )
 _WITHOUT = _PYVISTA.format("", " (without clean(), which numbers the vertices anew)")
-_TEMPLATE = (
-    "fsaverage5 is the common space, and 'From pairs to a group' makes one round of an average"
-)
+_TEMPLATE = "fsaverage5 is a common space; 'From pairs to a group' makes one round of an average"
 _METHOD = "a method is a Python function; 'How to add a method' has one that runs a program"
 _REGIONS = f"compare regions by scikit-learn's f1_score(..., sample_weight=areas), as {_OWN} does"
 

@@ -321,6 +321,8 @@ TRANSFER = "transfer registration.npz map.txt --to moving --out there.npy "
     ("demonstrate", "No such command 'demonstrate'"),
     ("register a.npz b.npz", "Missing option '--out'"),
     (REGISTER + "--gamma many", "'many' is not a valid float"),
+    (REGISTER + "--gamma 1 --gamma=2", "--gamma is given twice; leave one out"),
+    (REGISTER + "--mirror --mirror", "--mirror is given twice"),
     (REGISTER + "--landmarks landmarks.json --no-landmarks", "exclude each other"),
     (REGISTER + "--feature depth depth --no-features", "--feature and --no-features exclude each other"),
     (REGISTER + "--delta 0.3 --no-features", "--delta and --no-features exclude each other"),

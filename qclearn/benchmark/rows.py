@@ -84,9 +84,7 @@ def summary(rows):
                 line[key] = float(np.mean(values)) if values else None
                 line[f"sd_of_{key}"] = float(np.std(values)) if values else None
         stages = done[0]["seconds"] if done else ()
-        line["stages"] = {
-            name: float(np.median([row["seconds"][name] for row in done])) for name in stages
-        }
+        line["stages"] = {k: float(np.median([row["seconds"][k] for row in done])) for k in stages}
         line["seconds"] = line["stages"].get("map")
         table[run] = line
     return table

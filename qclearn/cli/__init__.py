@@ -29,6 +29,9 @@ def main(arguments=None):
         warnings.showwarning = lambda message, *_: warn(str(message))
         try:
             given = [expanded(one) for one in given]
+            words = [(given[0], one.partition("=")[0]) for one in given if one.startswith("--")]
+            if twice := [word for word in words if words.count(word) > 1 and word in ONCE]:
+                raise click.UsageError(f"{twice[0][1]} is given twice; leave one out")
             made = ["qclearn", *given], begun
             cli.main(given, prog_name="qclearn", standalone_mode=False, obj=made)
         except click.exceptions.Exit as left:
@@ -53,6 +56,7 @@ def cli():
 
 COMMANDS = [registration.register, registration.demo, reports.report, surfaces.open_command]
 COMMANDS += [surfaces.transfer, sphere.sphere, surfaces.synth, studies.train, studies.benchmark]
+ONCE = set()  # commands with their options that stand once
 for command in COMMANDS:
     for option in command.params:
         # The reference asks each option; the group's own setting is for --help alone.
@@ -60,4 +64,6 @@ for command in COMMANDS:
             option.show_default = True
         if option.type is click.STRING:
             option.type = Word()
+        if not option.multiple:
+            ONCE |= {(command.name, name) for name in option.opts}
     cli.add_command(command)

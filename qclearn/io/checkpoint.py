@@ -37,9 +37,7 @@ class Checkpoint:
             reason = getattr(fault, "strerror", None) or fault
             raise error(f"{path}: cannot be used ({reason}); give another folder") from None
         if stored is None and not shared and self.names():
-            raise error(
-                f"{path}: holds files, but no {record} of a run; empty it, or give another folder"
-            )
+            raise error(f"{path}: holds files, but no {record} of a run; empty it, or give another")
         # settings that differ are named, those of a group as group.name
         old, new = (
             {

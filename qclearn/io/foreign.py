@@ -30,9 +30,7 @@ BY_SUFFIX = {
     ".xlsx": _TABLE.format("excel"),
     ".mat": _ARRAYS.format("scipy.io.loadmat(IN)['NAME']") + ", faces from 0 on",
     **dict.fromkeys((".h5", ".hdf5"), _ARRAYS.format("h5py.File(IN)['NAME'][:]")),
-    **dict.fromkeys(
-        (".mnc", ".nrrd", ".img", ".hdr"), f"voxels; mri_convert IN OUT.nii.gz: {_VOLUME}"
-    ),
+    **dict.fromkeys((".mnc", ".nrrd", ".img", ".hdr"), f"mri_convert IN OUT.nii.gz, {_VOLUME}"),
 }
 # What FreeSurfer's binary files hold.
 SURFACE = "is a FreeSurfer surface, not values at its vertices; give a map such as lh.thickness"

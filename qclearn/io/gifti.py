@@ -196,7 +196,7 @@ def _volume_of(meta):
     """FreeSurfer's volume geometry in a point set's metadata, or None."""
     try:
         geometry = {
-            key: [float(meta[f"VolGeom{end}"]) for end in ends] for key, ends in _VOLUME.items()
+            k: [float(meta[f"VolGeom{end}"]) for end in ends] for k, ends in _VOLUME.items()
         }
     except (KeyError, ValueError):  # none, or a part, as fMRIPrep leaves it
         return None

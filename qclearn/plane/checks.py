@@ -63,9 +63,7 @@ def planar_points(points, name="z"):
     """Points of the plane as complex128 (P,), also where one stands alone, or BeltramiError."""
     points = np.atleast_1d(complex_numbers(points, name))
     if points.ndim > 1:
-        raise BeltramiError(
-            f"{name} has shape {points.shape}: give complex numbers (V,), x + iy, one a point"
-        )
+        raise BeltramiError(f"{name} has shape {points.shape}: give complex numbers (V,), x + iy")
     return points
 
 
@@ -107,8 +105,7 @@ def check_map(f, n_vertices):
     f = unmasked(f, "f").astype(float) if surface else planar_points(f, "f")
     if len(f) != n_vertices:
         raise BeltramiError(
-            f"f has shape {f.shape}, but the mesh has {n_vertices} vertices: give one value a "
-            "vertex"
+            f"f has shape {f.shape}: give a value for each of {n_vertices} vertices"
         )
     return f
 
@@ -117,9 +114,7 @@ def check_coefficient(mu, n_faces):
     """mu (F,) as complex128, or BeltramiError unless |mu| < 1 everywhere."""
     mu = complex_numbers(mu, "mu")
     if mu.shape != (n_faces,):
-        raise BeltramiError(
-            f"mu has shape {mu.shape}, but the mesh has {n_faces} faces: give one value a face"
-        )
+        raise BeltramiError(f"mu has shape {mu.shape}: give a value for each of {n_faces} faces")
     bad = np.flatnonzero(~(abs(mu) < 1))
     if len(bad):
         raise BeltramiError(

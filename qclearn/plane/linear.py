@@ -51,9 +51,7 @@ def factorise(matrix, ordering="MMD_AT_PLUS_A", pattern=None):
         with contextlib.suppress(ArithmeticError):  # not positive definite
             return Cholesky(matrix, pattern)
     try:
-        return splu(
-            matrix, ordering, diag_pivot_thresh=0.0, relax=1, options={"SymmetricMode": True}
-        )
+        return splu(matrix, ordering, diag_pivot_thresh=0, relax=1, options={"SymmetricMode": True})
     except RuntimeError as error:
         raise BeltramiError(
             f"the system of equations cannot be solved ({str(error).lower()}): some vertex is in "

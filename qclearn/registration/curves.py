@@ -275,7 +275,7 @@ def check_curves(curves, moving, control, fewest=1):
         switches = isinstance(detect, bool | np.bool_) and isinstance(hold_out, bool | np.bool_)
         if not (isinstance(name, str) and switches):
             raise LandmarkError(
-                f"curve {number}: name must be text, and detect and hold_out true or false"
+                f"curve {number}: name must be text, detect, hold_out true or false"
             )
         paths = {}
         for side, surface in surfaces.items():

@@ -152,9 +152,7 @@ def rotation_contrast(aligned):
     """How much better the features of an aligned pair correlate than after a quarter or half turn
     more: 0 on a surface of revolution, where they lie on each other in any."""
     z = aligned.moving.disk.z
-    given, *turned = (
-        aligned.features.correlation(turn * z, SCALE).mean() for turn in (1, 1j, -1, -1j)
-    )
+    given, *turned = (aligned.features.correlation(k * z, SCALE).mean() for k in (1, 1j, -1, -1j))
     return float(given - max(turned))
 
 
@@ -268,9 +266,7 @@ def compared(given, other):
 def surface_hypotheses(given, pair):
     """Hypotheses in which the surfaces are not those that the landmarks mean."""
     z = {side: getattr(pair, side).disk.z for side in SIDES}
-    vertices = {
-        side: np.array([curve.path(side)[[0, -1]] for curve in pair.curves]) for side in SIDES
-    }
+    vertices = {side: np.array([one.path(side)[[0, -1]] for one in pair.curves]) for side in SIDES}
     if len(pair.curves) >= FEWEST:
         reason = f"mirror: the curves fit the mirrored moving surface much better; {MIRROR}"
         yield replace(given, p=given.p.conj(), reason=reason)
@@ -438,10 +434,7 @@ def disagreeing(features, f, fitted, walls=()):
     (V,), or hardly agree there nor after the fitted map (V,). walls: of `differing_walls`, the
     likely cause."""
     sign = "negate one side (FreeSurfer's curv is the negative of ours, its sulc is not)"
-    advice = (
-        "check that both show the same thing, smooth a noisy surface first, give a landmark curve "
-        "or two, or negate one side"
-    )
+    advice = "check that both show the same thing, smooth noise first, give a curve or two, or negate one side"
     if walls:
         sign = advice = "probably because of the different walls; cut both by one rule first"
     r = dict(zip(features.names, features.correlation(f, SCALE)))

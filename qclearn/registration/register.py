@@ -232,9 +232,7 @@ def check_options(method, sliding, tolerance, features, weights, delta, eta, unc
     if method not in STAGES:
         raise ValueError(f"unknown method {method!r}; this version has: {', '.join(STAGES)}")
     if method == "exact" and tolerance is not None:
-        raise ValueError(
-            "tolerance belongs to method 'network': raise gamma for a smaller landmark error"
-        )
+        raise ValueError("tolerance belongs to method 'network': raise gamma for a smaller error")
     if features is not None and tolerance is not None:
         raise ValueError(
             "tolerance belongs to the networks' map by landmarks alone, not to features: drop one "
@@ -244,9 +242,7 @@ def check_options(method, sliding, tolerance, features, weights, delta, eta, unc
         raise ValueError("sliding belongs to method 'exact': CP-Net takes points to points")
     tolerance = TOLERANCE if tolerance is None else float(tolerance)
     if not tolerance > 0:
-        raise ValueError(
-            f"tolerance = {tolerance}: give a positive landmark error in the unit disk, or inf"
-        )
+        raise ValueError(f"tolerance = {tolerance}: give a positive error in the disk, or inf")
     # Areas and features have a weight by default where features take part.
     if eta is None:
         eta = ETA if features is not None else 0.0
@@ -279,7 +275,5 @@ def given_curves(moving, control, curves, method, features, hold_out):
     if not fitted and features is None:
         raise LandmarkError("all curves are held out: leave some to be fitted, or give features")
     if not fitted and method == "network":
-        raise LandmarkError(
-            "method 'network' needs landmarks: CP-Net knows nothing else; give method 'exact'"
-        )
+        raise LandmarkError("method 'network' needs landmarks: CP-Net knows no folds; give 'exact'")
     return fitted, held

@@ -72,10 +72,9 @@ class FinishedRegistration:
             surface = Surface(self.arrays[f"vertices_{name}"], self.arrays[f"faces_{name}"])
         except SurfaceError as error:
             raise ReportError(f"{self.folder / FILES[0]}: the {name} surface: {error}") from None
-        smoothing = Smoothing(surface, ["curvature"], mean_curvature(surface)[:, None])
-        return ParameterizedSurface(
-            surface, Disk(self.arrays[f"disk_{name}"], surface.faces), smoothing
-        )
+        folds = Smoothing(surface, ["curvature"], mean_curvature(surface)[:, None])
+        disk = Disk(self.arrays[f"disk_{name}"], surface.faces)
+        return ParameterizedSurface(surface, disk, folds)
 
     def names(self):
         """The moving surface and the control, each the last three parts of its path."""

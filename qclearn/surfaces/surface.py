@@ -262,9 +262,7 @@ def _handle_edges(surface):
     n_cells = len(surface.faces) + 1
     one, two = surface.edges.T
     graph = csr_array((np.ones(len(one)), (one, two)), shape=(n_vertices, n_vertices))
-    depth, parent = dijkstra(
-        graph, directed=False, indices=0, unweighted=True, return_predecessors=True
-    )
+    depth, parent = dijkstra(graph, directed=False, indices=0, return_predecessors=True)
     crossing = np.flatnonzero((parent[one] != two) & (parent[two] != one))
     crossing = crossing[np.argsort(-(depth[one] + depth[two])[crossing], kind="stable")]
     # The two cells of each edge; -1, the outside, is the last cell.

@@ -251,7 +251,7 @@ def spoiled(position, value):
 @pytest.mark.parametrize("mu, message", [
     (spoiled(4, 1.0), r"1 faces \(first: \[4\]"), (spoiled(9, -1.2j), r"\[9\]"), (spoiled(0, np.nan), r"\[0\]"),
     (spoiled(2, complex(0, np.inf)), r"\[2\]"), (spoiled([3, 5], 2), r"2 faces \(first: \[3, 5\]"),
-    (np.zeros(3), r"shape \(3,\)"), (np.zeros((len(FACES), 2)), "one value a face"),
+    (np.zeros(3), r"shape \(3,\)"), (np.zeros((len(FACES), 2)), "a value for each of"),
 ])  # fmt: skip
 def test_unusable_coefficients(mu, message):
     for ask, *more in ((stiffness,), (solve_beltrami, [0], [0]), (solve_beltrami_disk,)):

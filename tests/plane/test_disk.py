@@ -52,7 +52,7 @@ def test_a_picture_shares_what_depends_on_the_faces_alone():
 
 
 @pytest.mark.parametrize("f, message", [
-    (np.zeros(18), r"f has shape \(18,\), but the mesh has 17 vertices"),
+    (np.zeros(18), r"f has shape \(18,\): give a value for each of 17 vertices"),
     (np.zeros((17, 3)), r"f has shape \(17, 3\): give complex numbers"),
     (["a"] * 17, "f must be complex numbers"),
 ])  # fmt: skip

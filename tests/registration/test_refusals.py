@@ -92,7 +92,7 @@ CURVES = [
     (r"curve 1 has \['moving', 'name'\]; it needs name, moving, control", [CURVE, {"name": "b", "moving": [0, 5]}]),
     ("curve 0 has .*'colour'.*may have detect", [CURVE | {"colour": "red"}]),
     ("curve 0: name must be text", [CURVE | {"name": 3}]),
-    *[("detect and hold_out true or false", [CURVE | {key: "no"}]) for key in ("detect", "hold_out")],
+    *[("detect, hold_out true or false", [CURVE | {key: "no"}]) for key in ("detect", "hold_out")],
     (r"names used twice: \['a'\]; rename", [CURVE, CURVE]),
     *[("curve 'a', moving side: .*at least two vertex indices", [CURVE | {"moving": few}]) for few in ([0], [])],
     ("curve 'a', moving side: .*float64", [CURVE | {"moving": [0.5, 2]}]),
