@@ -21,10 +21,11 @@ WRITERS = {  # of the files in RESULTS
     "sizes": "book/studies/sizes.py",
     "suspect": "book/studies/suspect.py",
     "training": "book/studies/training.py",
+    "valleys": "book/studies/valleys.py",
     "weights": "book/studies/choose_weights.py",
 }
 # Files with a line per entry, and the list in a file that has a line per entry.
-DENSE = ("training",)
+DENSE = "training", "valleys"
 LISTED = dict.fromkeys((*OWN, "sizes"), "rows") | {"suspect": "cases"}
 
 
