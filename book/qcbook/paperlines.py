@@ -24,7 +24,6 @@ PAGES = {  # page -> the words of a link to it
     "cohort": "A cohort",
     "cpnet": "CP-Net",
     "dbsnet": "DBS-Net",
-    "dbsnetbest": "A better DBS-Net",
     "firstregistration": "A first registration",
     "fit": "The fit",
     "fourier": "Fourier compression",
@@ -32,6 +31,7 @@ PAGES = {  # page -> the words of a link to it
     "ldnet": "LD-Net",
     "linebyline": "below",
     "quasiconformal": "Quasi-conformal maps",
+    "whennetwork": "When does a network pay?",
 }
 BOUNDS = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
 VERDICTS = {

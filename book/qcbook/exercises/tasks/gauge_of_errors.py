@@ -5,7 +5,7 @@ import qclearn as qc
 from . import parts
 
 TITLE = "An error in its gauge"
-PAGE, MINUTES, POINTS = "dbsnetbest", 25, 3
+PAGE, MINUTES, POINTS = "whennetwork", 25, 3
 TASK = r"""
 The section *Accuracy on held-out coefficients* has two errors of a network's maps, each in units of the identity's:
 the sum of distances from the exact maps over that of the identity, *as it comes*, and the same *after Möbius*, where
