@@ -83,7 +83,8 @@ def locate(
     onto the polygon; one inside the circle stays short of it by up to INSET of its radius, so that
     triangles there keep an area.
     """
-    return Disk(z, faces).locate(points)
+    face, weights = Disk(z, faces).locate(points)
+    return face.copy(), weights.copy()
 
 
 def solve_beltrami(

@@ -39,14 +39,14 @@ def factorise(matrix, ordering="MMD_AT_PLUS_A", pattern=None):
     """Factors of a matrix with symmetric pattern, with `solve(load)`: CHOLMOD's where the matrix is
     symmetric and positive definite and cvxopt is installed (extra `fast`), else SuperLU's, pivots
     on the diagonal. SuperLU's, too, where the rows are in their order already ("NATURAL"). pattern:
-    of the `Cholesky` factors of a matrix with the same one.
+    of the `Cholesky` factors of a matrix with the same one, symmetric as this one.
 
     For SPD matrices and rows of averages: with slivers, pivots off the diagonal fill the factors up
     to 35 times as much and are no more accurate; with the default of `relax` some meshes
     (fsaverage5, subdivided) fill twice as much.
     """
     matrix = matrix.tocsc()
-    symmetric = abs(matrix - matrix.T).max() <= SYMMETRIC * abs(matrix).max()
+    symmetric = pattern or abs(matrix - matrix.T).max() <= SYMMETRIC * abs(matrix).max()
     if ordering != "NATURAL" and HAS_CHOLMOD and symmetric:
         with contextlib.suppress(ArithmeticError):  # not positive definite
             return Cholesky(matrix, pattern)

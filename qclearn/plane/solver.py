@@ -16,7 +16,7 @@ from numpy import ndarray
 from scipy import sparse
 
 from .checks import SurfaceError, check_coefficient, check_used
-from .coefficients import bounded, bounded_pullback
+from .coefficients import bounded, bounded_pullback, diffuse
 from .disk import Disk, PerFace, PerVertex
 from .linear import Dirichlet, three_a_row
 from .mobius import mobius, mobius_inverse, mobius_slope
@@ -263,7 +263,7 @@ class DiskSolver:
         f, U = self.free_boundary.f, self.free_boundary.U
         for x in (f.real, f.imag, U):
             q = np.einsum("fk,fk->f", disk.gradients, x[disk.faces])
-            r = q + scale * ((2 - 1 / scale) * q - 2 * mu * q.conj())
+            r = q + diffuse(mu, q)
             # On a face, with p = grad lam: 2 |T| scale (mu Re(conj(p) r) - p q), linear in lam.
             along = 0.5 * mu * r.conj() - q
             across = 0.5 * mu * r

@@ -52,22 +52,17 @@ class LandmarkTerm:
 
 
 class Places:
-    """Where points of the mapped mesh lie in the control's `Disk`, cached for the last map.
+    """Where points of the mapped mesh lie in the control's `Disk`.
 
     samples (P, N): from the mesh's vertices to the points; None: the vertices themselves.
     """
 
     def __init__(self, disk, samples=None):
         self.disk, self.samples = disk, samples
-        self.map = self.last = None
 
     def locate(self, f):
         """(face, weights) of the points after a map f (N,)."""
-        if self.map is not f:
-            points = f if self.samples is None else self.samples @ f
-            self.last = self.disk.locate(points)
-            self.map = f
-        return self.last
+        return self.disk.locate(f if self.samples is None else self.samples @ f)
 
 
 class FeatureTerm:

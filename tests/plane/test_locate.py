@@ -4,7 +4,7 @@ import numpy as np
 
 from meshes import boundary_loop
 from qclearn.plane.beltrami import locate
-from qclearn.plane.disk import INSET
+from qclearn.plane.disk import INSET, KEPT, Disk
 from qclearn.plane.grids import polar_disk
 from qclearn.plane.mobius import mobius
 
@@ -56,3 +56,14 @@ def test_places_in_a_face_turned_over_have_weights_too():
     face, weights = locate(z, faces[:, ::-1], [0.3 + 0.1j, -0.55j])
     np.testing.assert_allclose((z[faces[:, ::-1][face]] * weights).sum(1), [0.3 + 0.1j, -0.55j], atol=1e-15)
     assert weights.min() >= 0
+
+
+def test_the_last_answers_are_kept_by_what_the_points_are():
+    disk, points = Disk(*polar_disk(4, 12)), np.array([0.1, 0.3j])
+    first = face, weights = disk.locate(points)
+    assert disk.locate(points.copy()) is first and not (face.flags.writeable or weights.flags.writeable)
+    points[0] = -0.7  # in place: other points in the same array
+    for moved in (points, *(points * np.exp(1j * k) for k in range(1, KEPT + 2))):
+        found, shares = disk.locate(moved)
+        np.testing.assert_allclose((shares * disk.z[disk.faces[found]]).sum(1), moved, atol=1e-14)
+    assert len(disk.answers) == KEPT
