@@ -58,14 +58,14 @@ def main():
     if pages:
         run(pages, arguments.jobs)
     else:
-        execute_outdated(notebooks(), arguments.jobs)
+        execute_outdated(notebooks() + notebooks("decks"), arguments.jobs)
     if not arguments.no_site:
         export_live.export()
         for name in ("html", ".doctrees"):
             shutil.rmtree(SITE / name, ignore_errors=True)
         sphinx()
         pages = build_notebooks()
-        decks.write(pages, SITE / "html" / "decks", "../_static")
+        decks.write(SITE / "html" / "decks", "../_static")
         if arguments.lab:
             from .lab_copies import write_lab  # as a program of its own it asks this one for the pages
 

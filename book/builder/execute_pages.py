@@ -34,16 +34,17 @@ FAILED = "build_book: a notebook failed; the cell and its error are above"
 STAMPS = SOURCE / ".stamps.json"  # page -> what its last good run was a run of
 
 
-def notebooks():
-    """The names of all pages that are executed."""
-    return sorted(path.stem for path in (ROOT / "book").glob("*.ipynb"))
+def notebooks(folder="."):
+    """The names of all pages that are executed; notebooks("decks"): of the lectures, decks/NAME."""
+    book = ROOT / "book"
+    return sorted(path.relative_to(book).with_suffix("").as_posix() for path in (book / folder).glob("*.ipynb"))
 
 
 def copy_book():
     """Copy what book/ holds besides notebooks; of build/book, only runs of pages that book/ still
     has stay."""
     names = {f"{name}.ipynb" for name in notebooks()} | {STAMPS.name}
-    for path in list(SOURCE.glob("*")):
+    for path in set(SOURCE.glob("*")) - {SOURCE / "decks"}:
         if path.is_dir():
             shutil.rmtree(path)
         elif path.name not in names:
@@ -56,10 +57,10 @@ def copy_book():
 
 def copy_pages(pages):
     """Copies of the named notebooks, to be executed."""
-    unknown = [f"{name}.ipynb" for name in pages if name not in notebooks()]
+    unknown = [f"{name}.ipynb" for name in pages if name not in notebooks() + notebooks("decks")]
     if unknown:
         sys.exit(f"build_book: no such page in book/: {', '.join(unknown)}")
-    return [Path(shutil.copy(ROOT / "book" / f"{name}.ipynb", SOURCE)) for name in pages]
+    return [Path(shutil.copy(ROOT / "book" / f"{name}.ipynb", SOURCE / f"{name}.ipynb")) for name in pages]
 
 
 def each_page(paths, change):
@@ -128,7 +129,8 @@ def execute(paths, jobs):
     if ended > 1:  # pytest itself: no page is known to be good
         sys.exit(FAILED)
     cases = ElementTree.parse(REPORT).iter("testcase")
-    return {Path(case.get("name")).stem for case in cases if len(case)}
+    # A class is named book.PAGE.ipynb or book.decks.NAME.ipynb.
+    return {"/".join(case.get("classname").split(".")[1:-1]) for case in cases if len(case)}
 
 
 def library_digest():
@@ -163,7 +165,8 @@ def run(pages, jobs):
     STAMPS.write_text(json.dumps(stamps, indent=1))
     stop_at(each_page(paths, prepare))
     failed = execute(paths, jobs)
-    wrong = {path.stem: list(each_page([path], finish)) for path in paths if path.stem not in failed}
+    ran = {page: path for page, path in zip(pages, paths) if page not in failed}
+    wrong = {page: list(each_page([path], finish)) for page, path in ran.items()}
     # Good pages have their stamps, so that the next build executes the others alone.
     bad = failed | {page for page, lines in wrong.items() if lines}
     STAMPS.write_text(json.dumps(stamps | {page: new[page] for page in pages if page not in bad}, indent=1))

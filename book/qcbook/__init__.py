@@ -5,7 +5,7 @@ from qclearn.interrupts import attach
 
 EXPLORABLES = ("Mobius", "Mu", "Tuner", "Sulci", "Landmarks", "LBS", "Boundary", "Growth", "HowSure")
 TABLE = {
-    "cells": "keep num show_figure table",
+    "cells": "keep num show_figure slide table",
     "comparisons": "among_people chain_seconds compare_fronts compare_runs median_pair methods_and_oracles "
     "noted saving",
     "diagrams": "block_diagram",

@@ -11,7 +11,7 @@ import re
 from types import SimpleNamespace
 
 from IPython import get_ipython
-from IPython.display import Markdown, display
+from IPython.display import HTML, Markdown, display
 
 from qcbook.figures import picture_html
 
@@ -52,6 +52,11 @@ def show_figure(picture, name, alt):
         raw=True,
         metadata={"scrapbook": {"name": name, "mime_prefix": ""}, "alt": alt, "image/png": {"width": width}},
     )
+
+
+def slide(picture, alt):
+    """Show a Matplotlib figure or an Image as large as its slide, in a notebook of book/decks."""
+    return HTML(picture_html(drawn(picture)[0], alt))
 
 
 def drawn(picture, sharpness=2):

@@ -1,81 +1,69 @@
-"""Slides take from tagged cells what a slide can hold, and each deck has an explorable."""
+"""Slides are notebooks: each slide has one picture, and its words have the numbers of the run."""
+
+import json
+import re
 
 import nbformat
 import pytest
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
 
 from book.builder import decks
-from book.builder.references import BOOK, chapters
+from book.builder.execute_pages import ROOT, notebooks
+from book.builder.references import chapters
 
-CELL = """Above.
-
-## One
-
-A sentence, $a. b$ in it. Another one, see [there](there.ipynb).
-
-$$x$$
-
-- a list
-
-**Theorem 1.1** (Name)
-
-All. Of it.
-
-Proof. Hidden.
-
-∎
-
-## Two
-
-More."""
-NO_SLIDES = new_notebook(cells=[new_markdown_cell("# Elsewhere")])
+DECKS = {name: nbformat.read(ROOT / "book" / f"{name}.ipynb", as_version=4) for name in notebooks("decks")}
 
 
-def deck(*cells, name="lbs"):
-    return decks.deck(name, {"elsewhere": NO_SLIDES, "page": new_notebook(cells=list(cells))}).cells
+def kinds(notebook):
+    return [cell.metadata.slideshow.slide_type for cell in notebook.cells]
 
 
-def test_every_deck_has_an_explorable():
-    notebooks = [BOOK / f"{page}.ipynb" for page in chapters() if (BOOK / f"{page}.ipynb").exists()]
-    cells = {
-        (name, "explorable(" in cell.source)
-        for path in notebooks
-        for cell in nbformat.read(path, as_version=4).cells
-        for _, name in decks.tagged(cell)
+@pytest.mark.parametrize("name", DECKS)
+def test_each_slide_is_a_title_few_words_one_picture_and_notes(name):
+    cells, slides = DECKS[name].cells, []
+    assert set(kinds(DECKS[name])) <= {"slide", "-", "fragment", "notes", "skip"}
+    for cell, kind in zip(cells, kinds(DECKS[name])):
+        if kind == "slide":
+            slides.append([])
+        if kind != "skip":
+            slides[-1].append((cell.cell_type, cell.source))
+    assert 7 <= len(slides) <= 9 and DECKS[name].metadata.title == slides[0][0][1].splitlines()[0].removeprefix("# ")
+    for (_, words), (_, code), (_, notes) in slides:
+        assert re.match(r"##? .+\n\n.{20,230}$", words) and len(notes) > 40, words
+        assert len(re.findall(r"^(?:slide|explorable)\(", code, re.MULTILINE)) == 1, words
+    assert sum("explorable(" in code for _, (_, code), _ in slides) == 1
+
+
+def test_words_have_the_numbers_of_the_run_and_nothing_comes_from_elsewhere(tmp_path, monkeypatch):
+    monkeypatch.setattr(decks, "SOURCE", tmp_path)
+    answers = [{"result": {"status": "ok", "data": {"text/plain": text}}} for text in ("'1.25'", "7")]
+    words = new_markdown_cell('## One\n\n{eval}`f"{x:.2f}"` and {eval}`y`', metadata={"user_expressions": answers})
+    live = new_output("display_data", data={"text/html": '<div class="qc-live" data-page="lbs"></div>'})
+    cells = [words, new_code_cell("code", outputs=[live]), new_markdown_cell("said")]
+    for cell, kind in zip(cells, ("slide", "-", "notes")):
+        cell.metadata["slideshow"] = {"slide_type": kind}
+    for name in DECKS:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        nbformat.write(new_notebook(cells=cells, metadata={"title": "A deck"}), tmp_path / f"{name}.ipynb")
+    decks.write(tmp_path / "out", "../_static")
+    assert {f"decks/{path.stem}" for path in (tmp_path / "out").iterdir()} == set(DECKS)
+    for path in (tmp_path / "out").iterdir():
+        text = path.read_text(encoding="utf-8")
+        assert "1.25 and 7" in text and 'data-explorables="lbs"' in text and "<title>A deck</title>" in text
+        assert "http" not in text and ">code<" not in text and "../_static/vendor/reveal/reveal.js" in text
+
+
+def test_the_guide_for_teachers_names_each_deck_and_no_page_is_cut_into_slides():
+    guide = (ROOT / "book" / "teaching.md").read_text(encoding="utf-8")
+    plan = (ROOT / "book" / "teaching.toml").read_text(encoding="utf-8")
+    for name in DECKS:
+        assert f"{name}.html" in guide and f"deck *{name.removeprefix('decks/')}*" in plan
+    pages = (ROOT / "book" / f"{page}.ipynb" for page in chapters())
+    tags = {
+        tag
+        for path in pages
+        if path.exists()
+        for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]
+        for tag in cell["metadata"].get("tags", [])
     }
-    assert {name for name, live in cells if live} == {name for name, _ in cells} == set(decks.TITLES)
-
-
-def test_a_slide_has_a_heading_short_words_and_whole_ones_for_the_speaker():
-    made = deck(new_markdown_cell(CELL, metadata={"tags": ["slide-lbs"]}))
-    assert [cell.metadata.slideshow.slide_type for cell in made] == ["slide", "-", "notes"]
-    assert made[0].source == "## One"
-    assert made[1].source == "A sentence, $a. b$ in it.\n\n$$x$$\n\n- a list\n\n**Theorem 1.1** (Name)\n\nAll. Of it."
-    assert "Another one, see there." in made[2].source and "Proof. Hidden." in made[2].source
-
-
-def test_slides_go_on_with_the_last_heading_and_show_pictures_tables_and_explorables():
-    shown = ('<img class="page-figure">', '<div class="qc-live" data-page="lbs"></div>', "<iframe></iframe>")
-    outputs = [new_output("display_data", data={"text/html": each}) for each in shown]
-    cells = [
-        new_markdown_cell(CELL),
-        new_code_cell("1", outputs=outputs, metadata={"tags": ["slide-lbs"]}),
-        new_markdown_cell(CELL, metadata={"tags": ["more-lbs", "slide-lbs"]}),
-    ]
-    made = deck(*cells)
-    assert [cell.source for cell in made[:5]] == ["## Two", "1", "Above.", "Above.\n\n", "## One"]
-    assert [output.data["text/html"] for output in made[1].outputs] == list(shown[:2])
-
-
-@pytest.mark.parametrize("tag, told", [("slide-nothing", "decks are opening"), ("more-lbs", "before any is tagged")])
-def test_a_wrong_tag_stops_the_build(tag, told):
-    with pytest.raises(SystemExit, match=told):
-        deck(new_markdown_cell(CELL, metadata={"tags": [tag]}))
-
-
-def test_a_page_of_slides_loads_nothing_from_elsewhere(tmp_path):
-    cells = [new_markdown_cell(CELL, metadata={"tags": [f"slide-{name}"]}) for name in decks.TITLES]
-    decks.write({"page": new_notebook(cells=cells)}, tmp_path, "_static")
-    for name in decks.TITLES:
-        text = (tmp_path / f"{name}.html").read_text(encoding="utf-8")
-        assert "http" not in text and "<script defer" in text and "_static/decks.js" in text
+    assert {tag for tag in tags if tag.startswith(("slide-", "more-"))} == set()
