@@ -1,4 +1,4 @@
-"""Take everything out of the pages of book/ that a run or JupyterLab left in them: outputs, counts,
+"""Take everything out of the pages and slides of book/ that a run or JupyterLab left in them: outputs, counts,
 answers, widgets."""
 
 from pathlib import Path
@@ -18,13 +18,13 @@ def clear(notebook):
 
 
 def main():
-    for path in sorted(BOOK.glob("*.ipynb")):
+    for path in sorted([*BOOK.glob("*.ipynb"), *BOOK.glob("decks/*.ipynb")]):
         before = path.read_text(encoding="utf-8")
         notebook = nbformat.reads(before, as_version=4)
         clear(notebook)
         if (after := nbformat.writes(notebook) + "\n") != before:
             path.write_text(after, encoding="utf-8")
-            print(f"cleared: book/{path.name}")
+            print(f"cleared: book/{path.relative_to(BOOK)}")
 
 
 if __name__ == "__main__":
