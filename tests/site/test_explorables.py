@@ -50,7 +50,7 @@ VIEWS = ("turn of the surface in degrees", "tilt of the surface in degrees", "zo
 FSAVERAGE = Landmarks.initial | {"hemisphere": "cortex"}
 ROWS = {
     "mobius": Row("conformal.html", lambda: pole({}), -0.8, pole),
-    "boundary": Row("certificate.html", lambda: 0.5 + 0.6j, -0.2 - 0.2j, lambda state: complex(*state["pole"])),
+    "boundary": Row("dbsnet.html", lambda: 0.5 + 0.6j, -0.2 - 0.2j, lambda state: complex(*state["pole"])),
     "growth": Row("cortex.html", lambda: 0.3, -0.6 + 0.1j, None),
     "howsure": Row("howsure.html", lambda: 0.35 - 0.55j, 0.34 + 0.55j, lambda state: complex(*state["places"][5])),
     "landmarks": Row(

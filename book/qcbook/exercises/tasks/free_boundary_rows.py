@@ -6,17 +6,17 @@ from qclearn.plane import Disk
 from . import shaped
 
 TITLE = "What must vanish at a free boundary"
-PAGE, MINUTES, POINTS = "certificate", 20, 3
+PAGE, MINUTES, POINTS = "dbsnet", 20, 3
 TASK = r"""
 The printed loss asks that all rows $(Kf)_i$ vanish, and it is smallest for a collapsed map, [E6](#erratum-6). What
 vanishes at the right map is the gradient of energy minus area: [the residual](#eq-fb-residual) $R$ of the section
-*The loss, printed and right*. Write `residual`, which returns it at every vertex, complex `(V,)`. Given are `z`,
-complex `(V,)`, counter-clockwise `faces`, integer `(F, 3)`, `mu`, complex `(F,)`, any map `f`, complex `(V,)`, and
-`loop`, integer `(B,)`, the boundary vertices in counter-clockwise order. `qc.stiffness(z, faces, mu)` is the matrix
-$K$. The energy is $\tfrac12 \operatorname{Re}\sum_i \overline{f_i}\,(Kf)_i$, and in the convention of the library it
-changes, less the area, by $\operatorname{Re}\sum_i \overline{R_i}\,df_i$: inside, $R_i$ is $(Kf)_i$ without another
-factor. The check asks about maps that solve nothing, too: your answer has to be the gradient, not only vanish where
-the gradient does.
+*Why the printed loss collapses the map*. Write `residual`, which returns it at every vertex, complex `(V,)`. Given
+are `z`, complex `(V,)`, counter-clockwise `faces`, integer `(F, 3)`, `mu`, complex `(F,)`, any map `f`, complex
+`(V,)`, and `loop`, integer `(B,)`, the boundary vertices in counter-clockwise order. `qc.stiffness(z, faces, mu)` is
+the matrix $K$. The energy is $\tfrac12 \operatorname{Re}\sum_i \overline{f_i}\,(Kf)_i$, and in the convention of the
+library it changes, less the area, by $\operatorname{Re}\sum_i \overline{R_i}\,df_i$: inside, $R_i$ is $(Kf)_i$
+without another factor. The check asks about maps that solve nothing, too: your answer has to be the gradient, not
+only vanish where the gradient does.
 """
 
 
