@@ -3,7 +3,7 @@ graded exercises."""
 
 from qclearn.interrupts import attach
 
-EXPLORABLES = ("Mobius", "Mu", "Tuner", "Sulci", "Landmarks", "LBS", "Boundary", "Growth", "HowSure")
+EXPLORABLES = ("Mobius", "Mu", "Tuner", "Landmarks", "LBS", "Boundary", "Growth", "HowSure")
 TABLE = {
     "cells": "keep num show_figure slide table",
     "comparisons": "among_people chain_seconds compare_fronts compare_runs median_pair methods_and_oracles "

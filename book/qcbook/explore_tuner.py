@@ -3,31 +3,49 @@
 import time
 from types import MappingProxyType
 
-from qclearn.plane.grids import COARSE, FINE
-from qclearn.registration.fit import fit_problem
-from qclearn.registration.report import measured_losses
+import numpy as np
+from matplotlib.figure import Figure
 
-from .fitstates import describe, fit_state, states_figure
+from qcbook.scenes import surface_picture
+from qclearn.plane.grids import COARSE, FINE
+from qclearn.plot import map_curves
+from qclearn.registration.fit import fit_problem
+from qclearn.registration.problem import ETA, DELTA
+from qclearn.registration.report import measured_losses
+from qclearn.surfaces.conformal import ParameterizedSurface
+from qclearn.surfaces.curvature import grey_levels, mean_curvature
+from qclearn.surfaces.surface import Surface
+
+from .examples import CORTICES, cortices
 from .live import Live, as_pairs
-from .livefiles import cpnet_file
-from .liveproblems import START, as_moved, example, problems_file, weights_of
+from .livefiles import cpnet_file, hemisphere_file
+from .liveproblems import LINE, START, as_moved, example, problems_file, density_of, unfolded, weights_of
 
 
 class Tuner(Live):
-    """Weights, landmarks and targets of the landmark fit, of the page on live tuning."""
+    """Weights, landmarks and targets of the landmark fit, on the brain and in the disk; of the page on live tuning."""
 
     page = "tuner"
     # With this gamma landmarks hardly move yet: the reader's first move fits.
     initial = MappingProxyType(
-        START | {"gamma": 1.0, "solver": "exact", "mesh": "coarser", "looks": "2", "lambda": 10.0}
+        START
+        | {"gamma": 1.0, "delta": DELTA, "eta": ETA, "folds": False, "shade": "mu", "kept": None, "wipe": 0.5}
+        | {"turn": 0.0, "tilt": 10.0, "zoom": 1.2, "unfold": 0.6, "before": False}
+        | {"solver": "exact", "mesh": "coarser", "looks": "2", "lambda": 10.0}
     )
     meshes = MappingProxyType({"coarser": COARSE, "finer": FINE})
+    # Of delta and eta, at which maps of folds and curves are computed beforehand, a factor of two apart.
+    grid = MappingProxyType({"delta": [0.75, 1.5, 3, 6, 12], "eta": [0.875, 1.75, 3.5, 7, 14]})
 
     def files(self):
-        """The inner loops in WebAssembly, the problems, and CP-Net."""
+        """The inner loops in WebAssembly, the problems, the control surfaces, and CP-Net."""
         from qclearn.nets import load  # here, as it needs torch
 
-        return super().files() | {"problems.json": problems_file(), "cpnet.bin": cpnet_file(load("cpnet"))}
+        # The synthetic subjects have one control.
+        controls = {f"control-{'cortex' if name == 'cortex' else 'subject'}.bin": cortices(name) for name in CORTICES}
+        surfaces = {file: surface_file(pair.control) for file, pair in controls.items()}
+        files = {"problems.json": problems_file(), "cpnet.bin": cpnet_file(load("cpnet"))}
+        return super().files() | files | surfaces
 
     def problem(self, state):
         """The reader's problem on the browser's mesh."""
@@ -47,8 +65,26 @@ class Tuner(Live):
         }
 
     def picture(self, state):
-        """The library's figure of the fit, and a description."""
-        given = example(state["problem"])
-        found = {"reference fit": fit_state(given, tuple(state[name] for name in ("alpha", "beta", "gamma")))}
-        words = f"Landmarks, deformed grid, |μ| and its histogram for {given.name}. {describe(found['reference fit'])}"
-        return states_figure(given, found), words
+        """A photograph of the unfolded control surface with the registered curves, and a description."""
+        pair, problem = cortices(state["problem"]), self.problem(state)
+        fit = fit_problem(problem, weights_of(state), rings=self.meshes[state["mesh"]][0])
+        moving, targets = pair.sample_landmarks(LINE)
+        surface = pair.control.surface
+        shape = ParameterizedSurface(Surface(unfolded(surface), surface.faces), pair.control.disk)
+        curves = [(shape.lift(line), "target") for line in targets]
+        curves += [(shape.lift(line), "registered") for line in map_curves(problem.disk, fit.f, moving)]
+        shades = grey_levels(mean_curvature(surface), surface.vertex_areas)
+        figure = Figure(figsize=(6.4, 4.3), dpi=50)  # a photograph: twice the dots would be a megabyte
+        figure.add_axes((0, 0, 1, 1)).imshow(surface_picture(shape.surface, shades, curves=curves))
+        figure.axes[0].axis("off")
+        ends = (pair.control.lift(points) for points in (problem.samples @ fit.f, problem.target))
+        off = np.linalg.norm(np.subtract(*ends), axis=1).mean()
+        return figure, (
+            f"The unfolded control surface of {pair.name}: registered sulci yellow, their targets red, on average "
+            f"{off:.1f} mm apart."
+        )
+
+
+def surface_file(control):
+    """A control's `ParameterizedSurface` as the tuner reads it."""
+    return hemisphere_file(control, unfolded=unfolded(control.surface), density=density_of(control))

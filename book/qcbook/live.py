@@ -35,12 +35,13 @@ for (const [name, text] of Object.entries(sources)) {
   const joined = text.replace(/from "\\.\\/([\\w.]+)"/g, (_, other) => `from "${address[other]}"`);
   address[name] = URL.createObjectURL(new Blob([joined], { type: "text/javascript" }));
 }
-let worker = null;
+const workers = {};
 export default {
   async render(context) {
     const { render } = await import(address["lab.js"]);
     const { default: spec } = await import(address[`explore_${context.model.get("page")}.js`]);
-    await render(context, spec, () => (worker ??= new Worker(address["worker.js"], { type: "module" })));
+    const make = () => new Worker(address["worker.js"], { type: "module" });
+    await render(context, spec, (name) => (workers[name] ??= make()));
   },
 };
 """
@@ -56,7 +57,7 @@ def given():
     """The text of `given.js`: the library's constants, and each explorable's initial state."""
     classes = [getattr(pages, name) for name in pages.EXPLORABLES]
     initial = {live.page: dict(live.initial) for live in classes}
-    constants = {"POWER": POWER, "FINE": FINE, "COARSE": COARSE, "INITIAL": initial}
+    constants = {"POWER": POWER, "FINE": FINE, "COARSE": COARSE, "INITIAL": initial, "GRID": dict(pages.Tuner.grid)}
     return "".join(f"export const {name} = {json.dumps(value)};\n" for name, value in constants.items())
 
 
@@ -111,11 +112,12 @@ class Explorer(anywidget.AnyWidget):
     """The widget of an explorable: `state` of its controls, and its last answer `found`."""
 
     _esm, _css, page = (traitlets.Unicode().tag(sync=True) for _ in range(3))
-    state, found, files = (traitlets.Dict().tag(sync=True) for _ in range(3))
+    initial, state, found, files = (traitlets.Dict().tag(sync=True) for _ in range(4))
 
     def __init__(self, live):
         css = (MODULES / "live.css").read_text(encoding="utf-8")
-        super().__init__(_esm=joined(), _css=css, page=live.page, state=dict(live.initial), files=live.files())
+        initial = dict(live.initial)
+        super().__init__(_esm=joined(), _css=css, page=live.page, initial=initial, state=initial, files=live.files())
         self.live = live
         self.on_msg(self.asked)
 

@@ -5,9 +5,9 @@ const waiting = new Map(),
 let count = 0,
   failed = null; // why there is no worker
 
-// the host's worker, told once what it works with
-async function workerOf(host) {
-  const worker = host.worker();
+// a worker of the host, told once what it works with; a quick one has what is there at once, and waits for no longer answer
+async function workerOf(host, quick = false) {
+  const worker = host.worker(quick ? "quick" : "main");
   if (!started.has(worker)) {
     worker.onmessage = ({ data }) => {
       const { resolve, reject } = waiting.get(data.id) ?? {};
@@ -35,7 +35,7 @@ async function hand(worker, host, files) {
 
 // part: what of the answer is wanted, for tasks that have several
 export async function ask(host, page, request, part = "all") {
-  const worker = await workerOf(host),
+  const worker = await workerOf(host, part === "coarse"),
     id = ++count;
   return new Promise((resolve, reject) => {
     if (failed) reject(failed);

@@ -4,14 +4,16 @@
 //
 // spec: name, label, initial, controls, views, question, answer(state, host) -> answer or promise of it,
 //       draw(pictures, state, answer), words(state, answer) -> the read-outs, data(state, answer) -> what JSON has;
-//       where there is more to say: sentence(state, answer), beside the first picture, above the controls; the read-outs are
-//       folded then; rows(answer) of a table, afterwards(state, answer, host), fuller answers one by one,
-//       for which an answer that is `partial` lets the read-outs wait; it is `failed`, and why, where they do not come,
-//       onward {page, name, text, state(state, answer)}: a link to another explorable, with a state for it or null
+//       where there is more to say: sentence(state, answer) -> {words, loud: 0 to 2}, under the first two pictures, above the
+//       controls, with bars(state, answer) -> [{name, parts: [[words, value], ...], words}] and sides(state, answer), rows of a
+//       table or null; the read-outs are folded then; rows(answer) of a table, afterwards(state, answer, host), fuller answers
+//       one by one, for which an answer that is `partial` lets the read-outs wait; it is `failed`, and why, where they do not
+//       come, onward {page, name, text, state(state, answer)}: a link to another explorable, with a state for it or null,
+//       acts: buttons, words -> (state, answer) -> part of a state, or a text to be copied
 // host: start (part of a state), save(state), tell(answer), file(name), worker(), ask(state) (the kernel) and
 //       link(state), or null where there is none
-import { buildControls, freshId, make } from "./controls.js";
-import { Picture } from "./picture.js";
+import { buildControls, freshId, make, tableRows } from "./controls.js";
+import { Picture, sheetOf } from "./picture.js";
 
 const MOST_UNDO = 200;
 
@@ -25,9 +27,9 @@ export class Explorable {
     this.controls = buildControls(spec.controls, (change, settled) => this.change(change, settled));
     this.pictures = spec.views.map((view) => new (view.picture ?? Picture)(view, spec.label));
     for (const picture of this.pictures) {
-      picture.onDrag = (index, point, settled, by) =>
-        this.change(picture.view.drag(this.state, index, point, by), settled);
+      picture.onDrag = (index, point, settled, by) => this.change(picture.view.drag(this.state, index, point, by), settled);
       picture.onChoose = () => this.update();
+      picture.onClick = (label) => this.change(picture.view.click(this.state, label));
     }
     root.setAttribute("role", "group");
     root.setAttribute("aria-label", spec.label);
@@ -49,14 +51,21 @@ export class Explorable {
     return [this.gallery(this.pictures), ...this.controls.elements, this.status, this.table];
   }
 
-  // the first picture, and beside it a sentence and the controls; the others below, and the read-outs folded
+  // the first two pictures side by side, below them a sentence and the controls, the others beside these; the read-outs folded
   beside() {
-    const [main, ...others] = this.pictures,
+    const [one, two, ...others] = this.pictures,
       [controls, ...rare] = this.controls.elements;
     this.numbers = make("p", { className: "qc-live-numbers" });
+    this.bars = make("div", { className: "qc-live-bars" });
+    this.sides = make("table", { className: "qc-live-table" });
     return [
-      make("div", { className: "qc-live-beside" }, main.element, make("div", {}, this.status, controls)),
-      this.gallery(others),
+      make("div", { className: "qc-live-two" }, one.element, two.element),
+      make(
+        "div",
+        { className: "qc-live-beside" },
+        make("div", {}, this.status, controls, this.bars, this.sides),
+        this.gallery(others),
+      ),
       make("details", {}, make("summary", { textContent: "Numbers" }), this.numbers, this.table),
       ...rare,
     ];
@@ -121,9 +130,28 @@ export class Explorable {
   report(state, answer) {
     this.status.ariaBusy = String(Boolean(answer.partial));
     this.numbers.textContent = this.spec.words(state, answer);
-    if (this.spec.sentence) this.say(this.spec.sentence(state, answer));
+    if (this.spec.sentence) this.tell(state, answer);
     if (this.spec.rows) this.table.replaceChildren(...tableRows(this.spec.rows(answer)));
     this.pictures.forEach((picture) => picture.describe(this.status.textContent));
+  }
+
+  // what stands under the first two pictures
+  tell(state, answer) {
+    const { words, loud } = this.spec.sentence(state, answer),
+      part = ([name, value], k) => {
+        const element = make("span", { textContent: name, title: name, className: `qc-live-part${k}` });
+        element.style.flexGrow = value;
+        return element;
+      };
+    this.say(words);
+    this.status.dataset.loud = loud;
+    const bars = this.spec
+      .bars(state, answer)
+      .map(({ name, parts, words }) =>
+        make("div", { role: "img", ariaLabel: words, title: words }, make("b", { textContent: name }), ...parts.map(part)),
+      );
+    this.bars.replaceChildren(...bars);
+    this.sides.replaceChildren(...tableRows(this.spec.sides(state, answer) ?? []));
   }
 
   // the link to another explorable, with a state for it; none where the state is null
@@ -143,8 +171,10 @@ export class Explorable {
       for await (const fuller of this.spec.afterwards(state, answer, this.host)) {
         if (number !== this.asked) return;
         this.spec.draw(this.pictures, state, fuller);
+        this.controls.show(this.state);
         if (this.answer.partial) this.report(state, fuller);
         this.answer = fuller;
+        this.host.tell(this.spec.data(state, fuller));
       }
     } catch (error) {
       if (number !== this.asked || !this.answer.partial) return; // what is shown stays
@@ -177,8 +207,24 @@ export class Explorable {
       this.onward = make("a", { textContent: this.spec.onward.text });
       row.append(this.onward);
     }
+    for (const [words, act] of Object.entries(this.spec.acts ?? {})) {
+      row.append(
+        button(words, () => {
+          const found = act(this.state, this.answer);
+          if (typeof found === "string") this.copy(found);
+          else this.change(found);
+        }),
+      );
+    }
     if (this.host.ask) row.append(button("Ask the kernel", () => this.askKernel()));
-    return row;
+    this.copied = make("pre", { className: "qc-live-copied", hidden: true, tabIndex: 0, ariaLabel: "copied text" });
+    return make("div", {}, row, this.copied);
+  }
+
+  // a text to the clipboard, and below the buttons, where a browser forbids that
+  async copy(text) {
+    Object.assign(this.copied, { textContent: text, hidden: false });
+    await navigator.clipboard?.writeText(text).catch(() => {});
   }
 
   guess() {
@@ -203,19 +249,7 @@ export class Explorable {
   }
 
   downloadPicture() {
-    const canvases = this.pictures.map((picture) => picture.canvas),
-      gap = 20;
-    const sheet = make("canvas", {
-      width: canvases.reduce((sum, canvas) => sum + canvas.width + gap, -gap),
-      height: Math.max(...canvases.map((canvas) => canvas.height)),
-    });
-    const pen = sheet.getContext("2d");
-    pen.fillStyle = "white";
-    pen.fillRect(0, 0, sheet.width, sheet.height);
-    canvases.reduce((at, canvas) => {
-      pen.drawImage(canvas, at, 0);
-      return at + canvas.width + gap;
-    }, 0);
+    const sheet = sheetOf(this.pictures.map((picture) => picture.canvas).filter((canvas) => canvas.clientWidth));
     this.save(sheet.toDataURL("image/png"), "png");
   }
 
@@ -251,13 +285,6 @@ export class Explorable {
     }
   }
 }
-
-// rows of words as rows of a table, the first of them and the first of each as headings
-const tableRows = (rows) =>
-  rows.map((row, i) => {
-    const cells = row.map((text, k) => make(i && k ? "td" : "th", { textContent: text, scope: k ? "col" : "row" }));
-    return make("tr", {}, ...cells);
-  });
 
 // what of a state differs from where it starts
 export function difference(state, initial) {

@@ -1,38 +1,78 @@
-// The registration tuner: weights, landmarks and targets in the reader's hand, the fit at once.
+// The registration tuner: weights, landmarks and targets in the reader's hand, the fit at once, on the brain and in the disk.
 import { ask, give } from "./ask.js";
+import { carried } from "./carried.js";
+import { asCommand, asPython } from "./commands.js";
 import { apart, fromPairs, interleaved, toPairs } from "./complex.js";
-import { INITIAL } from "./given.js";
-import { meshOf } from "./mesh.js";
-import { COLOURS, inDisk } from "./picture.js";
-import { curvePicture, grid, heat } from "./plots.js";
-import { CORTICES, kindOfLandmarks, loadProblems, moves, problemOf, requestOf, weights } from "./problems.js";
+import { toggled } from "./controls.js";
+import { foldsOf, withFolds } from "./folds.js";
+import { GRID, INITIAL } from "./given.js";
+import { inDisk } from "./picture.js";
+import { drawChart, drawMaps, drawMoving } from "./panels.js";
+import { labelsOf, loadProblems, nameOf, problemOf, problems, requestOf, surfaceOf, weights } from "./problems.js";
 import { fromPicture, toPicture } from "./radius.js";
-import { gap, short } from "./words.js";
+import { bars, beside, isThere, rows, sentence, SOLVERS, words } from "./readouts.js";
+import { Solid, turned } from "./solid.js";
+import { gap, off, short } from "./words.js";
 
-const SOLVERS = { exact: "reference fit", network: "CP-Net", harmonic: "harmonic map" };
+const SEEN = ["turn", "tilt", "zoom", "unfold", "before", "shade", "kept", "wipe"]; // what changes the view, not the map
+const MOST = 40; // maps that are kept, so that undo, a turn or A asks for none again
+const known = new Map(), // of a map's part of the state -> what was found
+  sweeps = new Map(), // of that without gamma -> the trade-off
+  measured = new WeakMap(); // map -> what `carried` says of it
 let network = null, // the promise of CP-Net's megabyte: it comes after the first answer, which need not wait for it
   absent = ""; // why it has not come
 
-// The reference fit first, others after it, unless one of them is to be drawn.
-async function answer(state, host) {
-  await loadProblems(host);
-  const partial = state.solver === "exact",
-    asked = requestOf(state);
-  if (state.solver === "network") await networkOf(host);
-  const found = await ask(host, "tuner", asked, partial ? "map" : "all");
-  return found && { ...found, asked, partial, problem: problemOf(state) };
+const ofMap = (state) => Object.fromEntries(Object.entries(state).filter(([name]) => !SEEN.includes(name)));
+const keyOf = (state) => JSON.stringify(ofMap(state));
+const sweepKey = ({ gamma, solver, lambda, looks, ...state }) => keyOf(state);
+
+function remember(state, found) {
+  known.set(keyOf(state), found);
+  if (known.size > MOST) known.delete(known.keys().next().value);
+  return found;
 }
 
-// the other maps, and then the trade-off curve, as long as nothing newer is asked
+// The fit on the coarse mesh first, which is there at once; then the fit; then the other maps, the kept one, the trade-off.
+async function answer(state, host) {
+  await loadProblems(host, state);
+  const there = known.get(keyOf(state));
+  if (there) return there;
+  const asked = requestOf(state);
+  if (state.folds) return remember(state, await withFolds(state, asked, host));
+  const found = await ask(host, "tuner", asked, "coarse"),
+    mesh = asked.mesh.map((count) => count / 2);
+  return found && remember(state, { ...found, asked, mesh, coarse: true, partial: true });
+}
+
 async function* afterwards(state, found, host) {
-  await networkOf(host);
-  if (found.partial) {
-    const others = await ask(host, "tuner", found.asked, "others");
-    if (!others) return;
-    yield (found = { ...found, ...others, partial: false });
+  const { asked } = found;
+  if (found.coarse) {
+    const fine = await ask(host, "tuner", asked, "map");
+    if (!fine) return;
+    yield (found = remember(state, { ...fine, asked, mesh: asked.mesh, partial: true }));
   }
-  const sweep = await ask(host, "tuner", found.asked, "sweep");
-  if (sweep) yield { ...found, sweep };
+  if (found.partial) {
+    await networkOf(host);
+    const others = await ask(host, "tuner", asked, "others");
+    if (!others) return;
+    if (absent && !isThere(others.network)) others.network = { missing: absent };
+    yield (found = remember(state, { ...found, ...others, partial: false }));
+  }
+  if (state.kept && !known.has(keyOf(keptOf(state)))) {
+    const kept = keptOf(state),
+      asked = requestOf(kept),
+      fit = await ask(host, "tuner", asked, "kept");
+    if (fit) remember(kept, { ...fit, asked, mesh: asked.mesh });
+    yield found;
+  }
+  if (state.folds || sweeps.has(sweepKey(state))) return;
+  const sweep = await ask(host, "tuner", asked, "sweep");
+  if (!sweep) return;
+  sweeps.set(
+    sweepKey(state),
+    sweep.map(({ w, ...one }) => ({ ...one, ...carried(state, asked.mesh, w) })),
+  );
+  yield found;
 }
 
 const networkOf = (host) =>
@@ -40,145 +80,188 @@ const networkOf = (host) =>
     absent = error.message;
   }));
 
-function sentence(name, one, faces) {
-  if (!one) return `${name}: still computing`;
-  if (one.missing) return `${name}: no map, ${absent || one.missing}`;
-  const certificate = one.folds ? `not bijective: ${one.folds} of ${faces} triangles folded` : "certified bijective";
-  const mended = one.switched ? `, ${one.switched} rows switched` : "";
-  return (
-    `${name}: landmark error ${short(one.landmarkError)}, mean |μ| ${short(one.mean)}, largest ${short(one.largest)}, ` +
-    `L_CP ${short(one.L_CP)}; ${certificate}${mended}; ${one.ms.toFixed(0)} ms`
-  );
-}
+// A's state, seen as the present one is
+const keptOf = (state) => ({ ...state, ...state.kept });
 
-const isThere = (one) => one && !one.missing;
 const shownOf = (state, found) => (isThere(found[state.solver]) ? found[state.solver] : found.exact);
 
+// a side of the comparison, A or B: all that pictures and words need of a state and what was found for it
+function side(name, state, found) {
+  const shown = shownOf(state, found);
+  if (!measured.has(shown)) measured.set(shown, carried(state, found.mesh, shown.w));
+  const own = { surface: surfaceOf(state), problem: problemOf(state), ...measured.get(shown) };
+  return { name, state, mesh: found.mesh, asked: found.asked, shown, exact: found.exact, coarse: found.coarse, ...own };
+}
+
+function sidesOf(state, found) {
+  const there = state.kept && known.get(keyOf(keptOf(state)));
+  return [...(there ? [side("A", keptOf(state), there)] : []), side(there ? "B" : "", state, found)];
+}
+
 // points of one side of the problem that the reader moves, and what becomes of the state
-const movable = (side, moved) => ({
-  points: (state) => (problemOf(state)?.[side] ?? []).map(toPicture(problemOf(state)?.radius)),
+const movable = (which, moved) => ({
+  points: (state) => (problemOf(state)?.[which] ?? []).map(toPicture(problemOf(state)?.radius)),
   drag: (state, index, point) => ({
     [moved]: { ...state[moved], [index]: inDisk(...fromPicture(problemOf(state).radius)(point)) },
   }),
 });
+const click = (state, label) => ({ held: toggled(state.held, label), folds: false });
 
 const views = [
-  { name: "map", label: "orange: registered; red: targets, to drag", ...movable("target", "targets") },
-  { name: "trade", label: "landmark error against mean |μ| as γ grows; the dot is here" },
-  { name: "mu", label: "distortion |μ| on the moving disk; folds in magenta" },
+  {
+    name: "surface",
+    label: "registered sulci orange, blue if held out; targets red; turn it",
+    picture: Solid,
+    drag: turned,
+    click,
+  },
+  {
+    name: "map",
+    label: "its disk: click a sulcus to hold it out, drag a target",
+    ...movable("target", "targets"),
+    click,
+  },
+  { name: "trade", label: "error (log) against mean |μ| as γ grows: fitted orange, held out blue; grey: your moves" },
   { name: "moving", label: "moving disk: landmarks to drag (green)", ...movable("moving", "starts") },
 ];
 
-function draw([map, trade, mu, moving], state, found) {
-  const shown = shownOf(state, found),
-    { problem } = found,
-    mesh = meshOf(...found.asked.mesh),
-    to = toPicture(problem.radius);
-  const curves = (points) =>
-    [...new Set(problem.curve)].map((label) => points.filter((_, m) => problem.curve[m] === label));
-  const start = problem.moving.map(to),
-    target = problem.target.map(to);
-  const registered = toPairs(shown.points).map(to);
-  moving.disk();
-  moving.lines(curves(start), COLOURS.moving, 1);
-  start.forEach((point) => moving.dot(point, COLOURS.moving, 3));
-  moving.mark();
-  map.disk();
-  grid(map, mesh, shown.w, { to, from: fromPicture(problem.radius) });
-  map.lines(curves(target), COLOURS.target, 1.6, [4, 3]);
-  target.forEach((point) => map.square(point, COLOURS.target, 3.5, 1.6));
-  map.lines(curves(registered), COLOURS.registered, 1.6);
-  registered.forEach((point) => map.dot(point, COLOURS.registered, 2.5));
-  map.mark();
-  heat(mu, mesh, shown.size, fromPicture(problem.radius));
-  curvePicture(trade, found.sweep ?? [], found.exact);
+function draw([surface, disk, trade, moving], state, found) {
+  const sides = sidesOf(state, found);
+  drawMaps(surface, disk, state, sides);
+  drawChart(trade, sides.at(-1), sweeps.get(sweepKey(state)) ?? []);
+  drawMoving(moving, sides.at(-1));
 }
 
-// each term of the loss, and in brackets how many times the reference fit's it is
-const rows = (found) => [
-  ["", ...Object.values(SOLVERS)],
-  ...["L_mu", "L_grad_mu", "L_Landmark", "L_CP"].map((term) => [
-    term,
-    ...Object.keys(SOLVERS).map((name) => {
-      if (!isThere(found[name])) return "";
-      const value = found[name][term];
-      return name === "exact" ? short(value) : `${short(value)} (× ${Number((value / found.exact[term]).toPrecision(3))})`;
-    }),
-  ]),
-];
+// ---- controls ----
 
-export default {
-  name: "tuner",
-  label: "Tuning alpha, beta and gamma",
-  initial: INITIAL.tuner,
-  controls: [
-    ...weights.toReversed(),
+// the curves as buttons, each with what it is off
+function curveNames(state) {
+  if (!problemOf(state)) return [];
+  const found = known.get(keyOf(state)),
+    curves = found && side("", state, found).curves;
+  return labelsOf(problemOf(state)).map((label, k) => [
+    label,
+    nameOf(problemOf(state), label) + (curves ? ` ${off(curves[k].off)}${surfaceOf(state) ? "" : " %"}` : ""),
+  ]);
+}
+
+const without = (state) => !state.folds;
+const wait = { starts: {}, targets: {}, held: [], kept: null, folds: false }; // what belongs to the problem it was done in
+const logs = (values) => ({
+  min: Math.log10(values[0]),
+  max: Math.log10(values.at(-1)),
+  step: 0.01,
+  when: (state) => state.folds,
+});
+const rare = (one) => ({ ...one, rare: true });
+const controls = [
+  ...weights.toReversed().map((one) => ({ ...one, when: without })),
+  {
+    kind: "log",
+    name: "delta",
+    label: "δ (delta), folds",
+    marks: [[INITIAL.tuner.delta, "▲", "default"]],
+    ...logs(GRID.delta),
+  },
+  { kind: "log", name: "eta", label: "η (eta), areas", marks: [[INITIAL.tuner.eta, "▲", "default"]], ...logs(GRID.eta) },
+  {
+    kind: "switch",
+    name: "folds",
+    label: "fit folds, too",
+    also: (on) => (on ? foldsOf(problems) : {}),
+    when: (state) => foldsOf(problems, state),
+  },
+  { kind: "linear", name: "wipe", label: "wipe: A left, B right", min: 0, max: 1, step: 0.01, when: (state) => state.kept },
+  {
+    kind: "names",
+    name: "held",
+    label: "Sulci and mm off; press to hold out (blue): ",
+    also: { folds: false },
+    options: curveNames,
+  },
+  {
+    kind: "choice",
+    name: "shade",
+    label: "colour",
+    options: [
+      ["mu", "|μ|"],
+      ["areas", "change of areas"],
+      ["none", "neither"],
+    ],
+  },
+  {
+    kind: "choice",
+    name: "problem",
+    label: "problem",
+    also: wait,
+    options: () => Object.entries(problems ?? {}).map(([name, { label }]) => [name, label]),
+    when: () => Object.keys(problems ?? {}).length !== 1,
+  },
+  ...[
+    { kind: "switch", name: "before", label: "where the best Möbius map alone takes the sulci (green)" },
+    { kind: "linear", name: "unfold", label: "unfolded, 0 to 1", min: 0, max: 1, step: 0.05 },
+    { kind: "linear", name: "turn", label: "turn of the surface in degrees", min: -180, max: 180, step: 5 },
+    { kind: "linear", name: "tilt", label: "tilt of the surface in degrees", min: -90, max: 90, step: 5 },
+    { kind: "linear", name: "zoom", label: "zoom", min: 0.5, max: 4, step: 0.1 },
     {
       kind: "choice",
-      name: "problem",
-      label: "problem",
-      also: moves,
+      name: "landmarks",
+      label: "landmarks",
       options: [
-        ...CORTICES,
-        ["twist", "a smooth twist"],
-        ["anew", "points spaced anew along two curves"],
-        ["neighbours", "two neighbours pulled apart"],
+        ["points", "points"],
+        ["sliding", "sliding along their curves"],
       ],
     },
-    kindOfLandmarks,
-    { kind: "log", name: "lambda", rare: true, label: "λ (lambda), springs of the harmonic map", min: -1, max: 5, step: 0.1 },
-    { kind: "choice", name: "solver", rare: true, label: "map shown", options: Object.entries(SOLVERS) },
+    { kind: "log", name: "lambda", label: "λ (lambda), springs of the harmonic map", min: -1, max: 5, step: 0.1 },
+    { kind: "choice", name: "solver", label: "map shown", options: Object.entries(SOLVERS) },
     {
       kind: "choice",
       name: "looks",
-      rare: true,
       label: "refining steps of CP-Net",
       options: ["0", "1", "2"].map((count) => [count, count]),
     },
     {
       kind: "choice",
       name: "mesh",
-      rare: true,
       label: "mesh",
       options: [
         ["coarser", "24 x 72"],
         ["finer", "finer: 32 x 96"],
       ],
     },
-  ],
+  ].map(rare),
+];
+
+export default {
+  name: "tuner",
+  label: "Tuning alpha, beta and gamma",
+  initial: INITIAL.tuner,
+  controls,
   views,
   answer,
   afterwards,
   draw,
-  sentence(state, found) {
-    const { points, mean, folds } = shownOf(state, found),
-      { target, mm } = found.problem,
-      away = toPairs(points).map(([x, y], m) => Math.hypot(x - target[m][0], y - target[m][1]) * (mm ? mm[m] : 100)),
-      rounded = (x) => Number(x.toPrecision(2)),
-      off = rounded(away.reduce((sum, one) => sum + one, 0) / away.length),
-      where = mm ? `Sulci ${off} mm off` : `Landmarks ${off} % of the radius off`;
-    return `${where}, distortion ${rounded(mean)}, ${folds || "no"} fold${folds === 1 ? "" : "s"}.`;
-  },
-  words(state, found) {
-    const faces = meshOf(...found.asked.mesh).F,
-      lost = found.failed && { missing: found.failed },
-      sentences = Object.entries(SOLVERS).map(([key, name]) => sentence(name, found[key] ?? lost, faces));
-    const others = Object.keys(SOLVERS).filter((key) => key !== "exact" && isThere(found[key]));
-    const gaps = others.map(
-      (key) => `L_CP of ${SOLVERS[key]} is ${short(found[key].L_CP / found.exact.L_CP)} times that of the reference fit`,
-    );
-    const where = `The mesh is ${found.asked.mesh.join(" x ")}`;
-    return `${[...sentences, ...gaps, where].join(". ")}.`;
-  },
+  sentence: (state, found) => sentence(sidesOf(state, found).at(-1)),
+  bars: (state, found) => bars(sidesOf(state, found)),
+  sides: (state, found) => beside(sidesOf(state, found)),
+  words: (state, found) => words(found, sidesOf(state, found).at(-1)),
   rows,
+  acts: {
+    "Keep as A": (state) => ({ kept: ofMap(state) }),
+    "Copy as command": (state) => asCommand(state),
+    "Copy as Python": (state) => asPython(state),
+    "Command with folds": (state) => asCommand(state, true),
+  },
   data(state, found) {
-    const { w, points, size, ...numbers } = shownOf(state, found);
-    return { map: interleaved(w), landmarks: toPairs(points), ...numbers };
+    const { shown, fitted, held, curves } = sidesOf(state, found).at(-1),
+      { w, points, size, ...numbers } = shown;
+    const byCurve = Object.fromEntries(curves.map(({ name, off }) => [name, off]));
+    return { map: interleaved(w), landmarks: toPairs(points), fitted, held, byCurve, mesh: found.mesh, ...numbers };
   },
   compare: (found, kernel) => {
-    const off = gap(apart(found.exact.w, fromPairs(kernel.map)));
+    const far = gap(apart(found.exact.w, fromPairs(kernel.map)));
     const said = `The kernel's fit has L_CP ${short(kernel.L_CP)} and landmark error ${short(kernel.landmarkError)}`;
-    return `${said}, in ${kernel.ms.toFixed(0)} ms; the largest difference of the two maps is ${off}.`;
+    return `${said}, in ${kernel.ms.toFixed(0)} ms; the largest difference of the two maps is ${far}.`;
   },
   question: {
     text: "Multiply γ by ten: what share of the present landmark error is left (0 to 1, or more)? ",
@@ -187,14 +270,5 @@ export default {
       return (await ask(host, "tuner", { ...requestOf(state), gamma: 10 * state.gamma }, "error")) / now;
     },
     why: "Where the landmarks are nearly met, each factor of ten takes the error down by about as much, and |μ| hardly moves.",
-  },
-  onward: {
-    page: "weights",
-    name: "sulci",
-    text: "See it on the surface",
-    state({ problem, landmarks, alpha, beta, gamma, starts, targets }) {
-      const known = CORTICES.some(([name]) => name === problem); // the others have no surface
-      return known ? { problem, landmarks, alpha, beta, gamma, starts, targets } : null;
-    },
   },
 };

@@ -199,19 +199,26 @@ export class Fit {
   }
 }
 
-// The fit on a coarse mesh by continuation in gamma, then on the fine one. It depends on the request alone: it starts from
-// mu = 0 each time. Ends nowhere above the best Möbius map.
-export function fitLandmarks({ coarse, fine }, request, { tolerance = PROMISE, most = 20 } = {}) {
+// The fit on a coarse mesh by continuation in gamma, at a tenth of it: the coarse mesh's own error would bend nu at the full
+// weight. Folds are not mended.
+export function fitCoarse(coarse, request, tolerance = PROMISE, problem = new Problem(request)) {
   checkWeights(request);
-  const problem = new Problem(request),
-    first = new Fit(coarse, problem),
-    fit = new Fit(fine, problem, true);
-  const gamma = request.gamma / 10,
-    levels = []; // the coarse mesh's own error would bend nu at the full weight
+  const first = new Fit(coarse, problem),
+    gamma = request.gamma / 10,
+    levels = [];
   for (let g = Math.min(FIRST_GAMMA, gamma); g < gamma * (1 - 1e-9); g *= 10) levels.push(g);
   first.weigh(request);
   first.to(first.nu, first.mobius);
   first.run([...levels, gamma], 5, tolerance);
+  return first;
+}
+
+// The fit on a coarse mesh, then on the fine one. It depends on the request alone: it starts from
+// mu = 0 each time. Ends nowhere above the best Möbius map.
+export function fitLandmarks({ coarse, fine }, request, { tolerance = PROMISE, most = 20 } = {}) {
+  const problem = new Problem(request),
+    first = fitCoarse(coarse, request, tolerance, problem),
+    fit = new Fit(fine, problem, true);
   fit.weigh(request);
   const best = moved(fit.problem.p, fit.mobius),
     mobius = fit.mobius;

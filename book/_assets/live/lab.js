@@ -7,6 +7,7 @@ export async function render({ model, el }, spec, worker) {
   const root = document.createElement("div");
   root.className = "qc-live";
   root.dataset.page = spec.name;
+  root.append("The figure is loading, and computes its first map ...");
   el.append(root);
   const waiting = new Map();
   let count = 0;
@@ -40,7 +41,11 @@ export async function render({ model, el }, spec, worker) {
     waiting.delete(answers);
     error ? reject?.(new Error(error)) : resolve?.(found);
   });
-  const explorable = await new Explorable(root, spec, host).begin();
+  const own = { ...spec, initial: model.get("initial") },
+    explorable = await new Explorable(root, own, host).begin().catch((error) => {
+      root.textContent = `This figure cannot compute here: ${error.message}.`;
+      throw error;
+    });
   for (const control of root.querySelectorAll("input, select, button, canvas")) {
     control.dataset.lmSuppressShortcuts = "true"; // or JupyterLab takes arrow keys for its own
   }

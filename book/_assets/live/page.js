@@ -57,10 +57,10 @@ async function file(name) {
   return answer.arrayBuffer();
 }
 
-let worker = null; // one for all explorables of a page, begun by the first that needs it
+const workers = {}; // for all explorables of a page, each begun by the first that needs it
 const files = {
   file,
-  worker: () => (worker ??= new Worker(new URL("worker.js", import.meta.url), { type: "module" })),
+  worker: (name) => (workers[name] ??= new Worker(new URL("worker.js", import.meta.url), { type: "module" })),
 };
 
 async function bring(name) {
@@ -69,6 +69,7 @@ async function bring(name) {
     early = Promise.all([spec, host]).then(([spec, host]) => spec.answer({ ...spec.initial, ...host.start }, host));
   early.catch(() => {}); // it is heard of below
   const root = await appeared(`.qc-live[data-page=${name}]`);
+  root.querySelector("[role=status]").textContent = "The figure is loading, and computes its first map ...";
   try {
     await show(root, await spec, await host, await early);
   } catch (error) {

@@ -76,16 +76,8 @@ export function places(hemisphere, path, count) {
   });
 }
 
-// mean distance in mm between two paths, both ways averaged
-export function curveDistance(hemisphere, one, other) {
-  const points = [one, other].map((path) =>
-    places(hemisphere, path, SAMPLES).map(({ from, to, share }) =>
-      [0, 1, 2].map((k) => {
-        const [a, b] = [hemisphere.vertices[3 * from + k], hemisphere.vertices[3 * to + k]];
-        return a + share * (b - a);
-      }),
-    ),
-  );
+// mean distance between two lists of points in space, both ways averaged
+export function apart(one, other) {
   const nearest = (from, to) => {
     let sum = 0;
     for (const [x, y, z] of from) {
@@ -93,7 +85,20 @@ export function curveDistance(hemisphere, one, other) {
       for (const [u, v, w] of to) least = Math.min(least, (x - u) ** 2 + (y - v) ** 2 + (z - w) ** 2);
       sum += Math.sqrt(least);
     }
-    return sum / SAMPLES;
+    return sum / from.length;
   };
-  return (nearest(...points) + nearest(...points.reverse())) / 2;
+  return (nearest(one, other) + nearest(other, one)) / 2;
+}
+
+// the same in mm of two paths
+export function curveDistance(hemisphere, ...paths) {
+  const points = paths.map((path) =>
+    places(hemisphere, path, SAMPLES).map(({ from, to, share }) =>
+      [0, 1, 2].map((k) => {
+        const [a, b] = [hemisphere.vertices[3 * from + k], hemisphere.vertices[3 * to + k]];
+        return a + share * (b - a);
+      }),
+    ),
+  );
+  return apart(...points);
 }

@@ -12,18 +12,22 @@ export const COLOURS = {
 const SIZE = 320,
   LARGEST = 1.4, // times its size is a picture shown at most
   MARGIN = 10,
-  REACH = 24; // pixels of the picture, its rim, and how far from a point a finger may be
+  REACH = 24, // pixels of the picture, its rim, and how far from a point a finger may be
+  CLICK = 4; // pixels that a pointer moves in a click, at most
 const STEP = 0.01; // of the disk's radius, by which an arrow key moves a point; ten times with shift
 
 // view: name, label; for what can be moved: points(state) -> [[x, y], ...] and drag(state, index, point, by) -> part of a
-// state, by a "pointer", by "keys", or "press" (Enter); anywhere: a pointer may begin everywhere
+// state, by a "pointer", by "keys", or "press" (Enter); anywhere: a pointer may begin everywhere; click(state, label) -> part of
+// a state, for the lines that are `named`, which also say their words where a pointer is
 export class Picture {
   constructor(view, title) {
     Object.assign(this, { view, title, chosen: 0, points: [] });
     this.makeCanvas(...this.size);
     this.begin();
     this.describe("");
+    this.named = []; // [{label, words, line: [[x, y], ...] in parts of the canvas}]
     if (view.drag) this.listen();
+    if (view.click) this.nameLines();
   }
 
   get size() {
@@ -36,7 +40,8 @@ export class Picture {
     const [width, height] = size.map((pixels) => Math.round(pixels * this.sharpness));
     this.canvas = make("canvas", { width, height });
     this.canvas.setAttribute("role", view.drag ? "application" : "img");
-    this.element = make("figure", {}, this.canvas, make("figcaption", { textContent: view.label }));
+    this.tip = make("span", { className: "qc-live-tip", hidden: true });
+    this.element = make("figure", {}, this.canvas, this.tip, make("figcaption", { textContent: view.label }));
     if (!view.drag) return;
     this.canvas.tabIndex = 0;
     this.canvas.style.touchAction = "none";
@@ -65,12 +70,12 @@ export class Picture {
     canvas.addEventListener("pointerdown", (event) => this.take(event));
     canvas.addEventListener(
       "pointermove",
-      (event) => this.dragging && this.onDrag(this.chosen, this.at(event), false, "pointer"),
+      (event) => this.dragging && this.strayed(event) && this.onDrag(this.chosen, this.at(event), false, "pointer"),
     );
     const drop = (event) => {
       if (!this.dragging) return;
       this.dragging = false;
-      this.onDrag(this.chosen, this.at(event), true, "pointer");
+      if (this.strayed(event)) this.onDrag(this.chosen, this.at(event), true, "pointer");
     };
     canvas.addEventListener("pointerup", drop);
     canvas.addEventListener("pointercancel", drop);
@@ -96,7 +101,54 @@ export class Picture {
     this.canvas.focus({ preventScroll: true }); // or the point would slip from below the pointer
     this.canvas.setPointerCapture(event.pointerId);
     event.preventDefault();
-    this.onDrag(nearest, anywhere ? [x, y] : this.points[nearest], false, "pointer");
+    if (this.view.click) this.begun = [event.clientX, event.clientY]; // it may be a click
+    else this.onDrag(nearest, anywhere ? [x, y] : this.points[nearest], false, "pointer");
+  }
+
+  // whether a pointer that was pressed has moved, where it might also click
+  strayed({ clientX, clientY }) {
+    if (this.begun && Math.hypot(clientX - this.begun[0], clientY - this.begun[1]) < CLICK) return false;
+    this.begun = null;
+    return true;
+  }
+
+  // ---- named lines ----
+
+  nameLines() {
+    const { canvas, tip } = this;
+    let from = null;
+    canvas.addEventListener("pointerdown", (event) => (from = [event.clientX, event.clientY]));
+    canvas.addEventListener("pointermove", (event) => {
+      const line = event.buttons ? null : this.lineAt(event);
+      tip.hidden = !line;
+      canvas.style.cursor = line ? "pointer" : "";
+      if (!line) return;
+      tip.textContent = line.words;
+      Object.assign(tip.style, { left: `${event.offsetX}px`, top: `${event.offsetY}px` });
+    });
+    canvas.addEventListener("pointerleave", () => (tip.hidden = true));
+    canvas.addEventListener("click", (event) => {
+      const line = this.lineAt(event);
+      if (line && Math.hypot(event.clientX - from[0], event.clientY - from[1]) < CLICK) this.onClick(line.label);
+    });
+  }
+
+  // the named line below a pointer
+  lineAt({ clientX, clientY }) {
+    const box = this.canvas.getBoundingClientRect();
+    let best = { far: REACH / 2 };
+    for (const one of this.named) {
+      for (const [x, y] of one.line) {
+        const far = Math.hypot(box.left + x * box.width - clientX, box.top + y * box.height - clientY);
+        if (far < best.far) best = { far, one };
+      }
+    }
+    return best.one;
+  }
+
+  // lines of the disk by name: [{label, words, line: [[x, y], ...]}]
+  name(list) {
+    this.named = list.map((one) => ({ ...one, line: one.line.map(([x, y]) => [this.X(x) / SIZE, this.Y(y) / SIZE]) }));
   }
 
   key(event) {
@@ -119,6 +171,16 @@ export class Picture {
   }
 
   // ---- strokes ----
+
+  // what is drawn from here on is seen between two parts of the width alone
+  part(from, to) {
+    const { pen } = this;
+    pen.restore();
+    pen.save();
+    pen.beginPath();
+    pen.rect(from * SIZE, 0, (to - from) * SIZE, SIZE);
+    pen.clip();
+  }
 
   X(x) {
     return SIZE / 2 + x * (SIZE / 2 - MARGIN);
@@ -219,4 +281,20 @@ export class Picture {
 export function inDisk(x, y, most = 0.98) {
   const shrink = Math.max(1, Math.hypot(x, y) / most);
   return [x / shrink, y / shrink];
+}
+
+// canvases side by side on one
+export function sheetOf(canvases, gap = 20) {
+  const sheet = make("canvas", {
+    width: canvases.reduce((sum, canvas) => sum + canvas.width + gap, -gap),
+    height: Math.max(...canvases.map((canvas) => canvas.height)),
+  });
+  const pen = sheet.getContext("2d");
+  pen.fillStyle = "white";
+  pen.fillRect(0, 0, sheet.width, sheet.height);
+  canvases.reduce((at, canvas) => {
+    pen.drawImage(canvas, at, 0);
+    return at + canvas.width + gap;
+  }, 0);
+  return sheet;
 }

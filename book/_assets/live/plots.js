@@ -49,6 +49,7 @@ const SHADES = Array.from({ length: 256 }, (_, i) => {
     k = Math.min(Math.floor(at), STOPS.length - 2);
   return STOPS[k].map((c, n) => Math.round(c + (at - k) * (STOPS[k + 1][n] - c)));
 });
+export const shadeOf = (share) => SHADES[Math.floor(255 * Math.min(1, Math.max(0, share)))];
 const FOLD = [208, 0, 208];
 const faceOf = new WeakMap(); // mesh -> {key, list}: the triangle below each pixel
 
@@ -75,7 +76,7 @@ export function heat(picture, mesh, size, from = same) {
   for (let i = 0; i < list.length; i++) {
     if (list[i] < 0) continue;
     const value = size[list[i]];
-    image.data.set(value < 1 ? SHADES[Math.floor(255 * value)] : FOLD, 4 * i);
+    image.data.set(value < 1 ? shadeOf(value) : FOLD, 4 * i);
   }
   picture.canvas.classList.add("qc-live-heat"); // live.css
   picture.pen.putImageData(image, 0, 0);
@@ -89,13 +90,15 @@ export function heat(picture, mesh, size, from = same) {
   picture.words("1", 68, SIZE - 18, "right");
 }
 
-// Curves on axes. x, y: [low, high]; ticks: {x, y}, of [place, words]; curves: {points: [[x, y], ...], colour, dash, dot}
+// Curves on axes. x, y: [low, high], beyond which nothing is drawn; ticks: {x, y}, of [place, words]; curves:
+// {points: [[x, y], ...], colour, dash, width, dot: a place or none}
 export function chart(picture, { x: [x0, x1], y: [y0, y1], ticks, name, curves }) {
   const { pen } = picture,
     left = 46,
     floor = SIZE - 40;
-  const X = (x) => left + ((x - x0) / (x1 - x0)) * (SIZE - left - 14),
-    Y = (y) => floor - ((y - y0) / (y1 - y0)) * (floor - 16);
+  const share = (x, low, high) => Math.min(1, Math.max(0, (x - low) / (high - low))),
+    X = (x) => left + share(x, x0, x1) * (SIZE - left - 14),
+    Y = (y) => floor - share(y, y0, y1) * (floor - 16);
   picture.clear();
   pen.fillStyle = COLOURS.ink;
   pen.fillRect(left, floor, SIZE - left - 10, 1);
@@ -103,10 +106,11 @@ export function chart(picture, { x: [x0, x1], y: [y0, y1], ticks, name, curves }
   for (const [x, words] of ticks.x) picture.words(words, X(x), floor + 16, "center");
   for (const [y, words] of ticks.y) picture.words(words, left - 6, Y(y) + 4, "right");
   picture.words(name, (SIZE + left) / 2, floor + 34, "center");
-  for (const { points, colour, dash = [], dot } of curves) {
+  for (const { points, colour, dash = [], width = 1.8, dot } of curves) {
     pen.beginPath();
     points.forEach(([x, y], k) => pen[k ? "lineTo" : "moveTo"](X(x), Y(y)));
-    picture.stroke(colour, 1.8, dash);
+    picture.stroke(colour, width, dash);
+    if (!dot) continue;
     pen.beginPath();
     pen.arc(X(dot[0]), Y(dot[1]), 4, 0, 7);
     pen.fillStyle = colour;
@@ -116,22 +120,3 @@ export function chart(picture, { x: [x0, x1], y: [y0, y1], ticks, name, curves }
 
 // ticks at the powers of ten from 10^low to 10^high, for logarithms
 export const powers = (low, high) => Array.from({ length: high - low + 1 }, (_, k) => [low + k, ten(low + k)]);
-
-// landmark error (log) against mean |mu|; the present one as a dot
-export function curvePicture(picture, sweep, now) {
-  const point = ({ error, mean }) => [mean, Math.log10(Math.max(error, 1e-9))],
-    dot = point({ error: now.landmarkError, mean: now.mean }),
-    points = sweep.map(point),
-    all = [...points, dot],
-    low = Math.floor(Math.min(...all.map(([, log]) => log))),
-    high = Math.max(low + 1, Math.ceil(Math.max(...all.map(([, log]) => log)))),
-    widest = 1.15 * Math.max(0.05, ...all.map(([mean]) => mean)),
-    means = [0, 0.4, 0.8].map((share) => [share * widest, share ? (share * widest).toPrecision(2) : "0"]);
-  chart(picture, {
-    x: [0, widest],
-    y: [low, high],
-    ticks: { x: means, y: powers(low, high) },
-    name: "mean |μ|",
-    curves: [{ points, colour: COLOURS.grid, dot }],
-  });
-}

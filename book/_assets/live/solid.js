@@ -47,6 +47,7 @@ export class Solid extends Picture {
     pen.useProgram(program);
     pen.enable(pen.DEPTH_TEST);
     pen.clearColor(1, 1, 1, 1);
+    pen.getExtension("OES_element_index_uint");
     this.place = (name) => pen.getUniformLocation(program, name);
     this.slots = Object.fromEntries(Object.keys(PARTS).map((name) => [name, pen.getAttribLocation(program, name)]));
   }
@@ -105,7 +106,33 @@ export class Solid extends Picture {
     const place = Float32Array.from(parts.place),
       normal = Float32Array.from(parts.normal);
     const colour = Float32Array.from(parts.colour);
-    this.keep("tubes", { place, unfolded: place, normal, unfoldedNormal: normal, colour }, Uint16Array.from(faces));
+    this.keep("tubes", { place, unfolded: place, normal, unfoldedNormal: normal, colour }, faces);
+  }
+
+  // other colours of the surface
+  recolour(colour) {
+    this.pen.bindBuffer(this.pen.ARRAY_BUFFER, this.buffers.surface.parts.colour);
+    this.pen.bufferData(this.pen.ARRAY_BUFFER, colour, this.pen.STATIC_DRAW);
+  }
+
+  // what is drawn from here on is seen between two parts of the width alone
+  part(from, to) {
+    const { pen, canvas } = this;
+    pen.enable(pen.SCISSOR_TEST);
+    pen.scissor(Math.round(from * canvas.width), 0, Math.round((to - from) * canvas.width), canvas.height);
+  }
+
+  // where a point is seen, in parts of the canvas, after `draw`; ways: which way is off the surface; those seen from behind go
+  name(list) {
+    const { right, up, eye, scale } = this.seen,
+      dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    this.named = list.map(({ points, ways, ...one }) => ({
+      ...one,
+      line: points
+        .filter((_, i) => dot(ways[i], eye) > 0)
+        .map((point) => minus(point, this.middle))
+        .map((p) => [0.5 + (dot(p, right) * scale[0]) / 2, 0.5 - (dot(p, up) * scale[1]) / 2]),
+    }));
   }
 
   keep(name, arrays, faces) {
@@ -117,7 +144,7 @@ export class Solid extends Picture {
       pen.bufferData(pen.ARRAY_BUFFER, arrays[part], pen.STATIC_DRAW);
     }
     pen.bindBuffer(pen.ELEMENT_ARRAY_BUFFER, kept.corners);
-    pen.bufferData(pen.ELEMENT_ARRAY_BUFFER, faces, pen.STATIC_DRAW);
+    pen.bufferData(pen.ELEMENT_ARRAY_BUFFER, Uint32Array.from(faces), pen.STATIC_DRAW);
     kept.count = faces.length;
   }
 
@@ -134,7 +161,8 @@ export class Solid extends Picture {
     pen.clear(pen.COLOR_BUFFER_BIT | pen.DEPTH_BUFFER_BIT);
     const given = { middle: this.middle, right, up, eye };
     for (const [name, value] of Object.entries(given)) pen.uniform3fv(this.place(name), value);
-    pen.uniform2f(this.place("scale"), (scale * canvas.height) / canvas.width, scale);
+    this.seen = { right, up, eye, scale: [(scale * canvas.height) / canvas.width, scale] };
+    pen.uniform2f(this.place("scale"), ...this.seen.scale);
     for (const [name, { parts, corners, count }] of Object.entries(this.buffers)) {
       pen.uniform1f(this.place("share"), name === "surface" ? share : 0);
       for (const part of Object.keys(PARTS)) {
@@ -143,7 +171,7 @@ export class Solid extends Picture {
         pen.vertexAttribPointer(this.slots[part], PARTS[part], pen.FLOAT, false, 0, 0);
       }
       pen.bindBuffer(pen.ELEMENT_ARRAY_BUFFER, corners);
-      pen.drawElements(pen.TRIANGLES, count, pen.UNSIGNED_SHORT, 0);
+      pen.drawElements(pen.TRIANGLES, count, pen.UNSIGNED_INT, 0);
     }
   }
 }

@@ -1,5 +1,5 @@
 // The worker's side of all landmark problems: maps of one landmark problem by several solvers, measured alike, and the trade-off.
-import { fitLandmarks } from "./fit.js";
+import { fitCoarse, fitLandmarks } from "./fit.js";
 import { Harmonic } from "./harmonic.js";
 import { checkWeights, Problem } from "./landmarks.js";
 import { onCircle, DiskMap } from "./map.js";
@@ -11,7 +11,7 @@ import { unfold } from "./repair.js";
 import { networkOf } from "./unet.js";
 
 const COARSE_SHARE = 2; // the coarse mesh has half as many rings
-const SWEEP = [1e1, 1e2, 1e3, 1e4, 1e5, 1e6]; // gamma / alpha of the trade-off curve
+const SWEEP = [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6]; // gamma / alpha of the trade-off curve
 
 const pairOfMeshes = (bench, [rings, spokes]) => ({
   coarse: bench.mesh(rings / COARSE_SHARE, spokes / COARSE_SHARE),
@@ -23,7 +23,8 @@ export async function solve(bench, request, part, stale) {
   const meshes = pairOfMeshes(bench, request.mesh);
   if (part === "sweep") return sweep(meshes, request, stale);
   if (part === "error") return fitLandmarks(meshes, request).landmarkError;
-  if (part === "map" || part === "truth") return { exact: exact(meshes, request) };
+  if (part === "coarse") return { exact: exact(meshes, request, true) };
+  if (part === "map" || part === "kept") return { exact: exact(meshes, request) };
   if (part === "others") return others(bench, meshes.fine, request, stale);
   return { exact: exact(meshes, request), ...(await others(bench, meshes.fine, request)) };
 }
@@ -37,13 +38,13 @@ async function others(bench, mesh, request, stale = () => false) {
   return network && { harmonic, network };
 }
 
-function exact(meshes, request) {
+function exact(meshes, request, quick = false) {
   const begin = performance.now(),
-    fit = fitLandmarks(meshes, request),
+    fit = quick ? fitCoarse(meshes.coarse, request) : fitLandmarks(meshes, request),
     ms = performance.now() - begin;
   const { problem, places, w, switched, left, coarseSteps, steps } = fit;
   return {
-    ...shown(meshes.fine, w, { problem, places, weights: request }),
+    ...shown(fit.mesh, w, { problem, places, weights: request }),
     switched,
     left,
     steps: [coarseSteps, steps],
@@ -103,7 +104,7 @@ async function sweep(meshes, request, stale) {
     const gamma = ratio * request.alpha,
       fit = fitLandmarks(meshes, { ...request, gamma });
     const { mean } = measure(meshes.fine, fit.w, {});
-    found.push({ gamma, error: fit.landmarkError, mean });
+    found.push({ gamma, w: fit.w, mean });
   }
   return found;
 }

@@ -13,4 +13,7 @@ export function three(x) {
   return `${digits} × ${ten(Number(power))}`;
 }
 
+// a distance, with the digits that a reader can use
+export const off = (x) => (x < 0.01 ? "< 0.01" : x.toFixed(x < 1 ? 2 : 1));
+
 export const gap = (x) => x.toExponential(1);
