@@ -10,7 +10,7 @@ from qcbook.scenes import surface_picture
 from qclearn.plane.grids import COARSE, FINE
 from qclearn.plot import map_curves
 from qclearn.registration.fit import fit_problem
-from qclearn.registration.problem import ETA, DELTA
+from qclearn.registration.problem import DELTA, ETA
 from qclearn.registration.report import measured_losses
 from qclearn.surfaces.conformal import ParameterizedSurface
 from qclearn.surfaces.curvature import grey_levels, mean_curvature
@@ -19,7 +19,7 @@ from qclearn.surfaces.surface import Surface
 from .examples import CORTICES, cortices
 from .live import Live, as_pairs
 from .livefiles import cpnet_file, hemisphere_file
-from .liveproblems import LINE, START, as_moved, example, problems_file, density_of, unfolded, weights_of
+from .liveproblems import LINE, START, as_moved, density_of, example, problems_file, unfolded, weights_of
 
 
 class Tuner(Live):

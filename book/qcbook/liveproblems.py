@@ -29,9 +29,7 @@ START = {
 }
 DRAWN = ("twist", "anew", "neighbours")
 FSAVERAGE = {
-    "before": [
-        ["python", "-c", "import json, qclearn; json.dump(qclearn.demo_landmarks(), open('sulci.json', 'w'))"],
-    ],
+    "before": [["python", "-c", "import json, qclearn; json.dump(qclearn.demo_landmarks(), open('sulci.json', 'w'))"]],
     "register": ["fsaverage5:right", "fsaverage5:left", "--mirror", "--landmarks", "sulci.json"],
     "python": [
         'moving, control = qc.mirror(qc.fsaverage5("right")), qc.fsaverage5("left")',

@@ -6,8 +6,8 @@ from reference import pairs, run_engine
 
 from qcbook.examples import cortices
 from qcbook.explore_landmarks import Landmarks, fundus_terms
-from qcbook.explore_sulci import unfolded
 from qcbook.livefiles import hemisphere_file
+from qcbook.liveproblems import unfolded
 from qclearn.registration.curves import curve_distance, curves_in_space
 
 WEIGHTS = (0.5, 2.0), (0.0, 0.0), (1.5, 0.0)

@@ -11,7 +11,7 @@ export function checkWeights(weights) {
     const value = weights[name],
       allowed = value > 0 || (value === 0 && name === "beta");
     if (!(Number.isFinite(value) && allowed)) {
-      throw new LandmarkError(`${name} = ${value}: alpha and gamma must be positive and finite, beta not negative`);
+      throw new LandmarkError(`${name} = ${value}: alpha and gamma must be positive, the others not negative, and all finite`);
     }
   }
 }
