@@ -81,13 +81,15 @@ def courses(name, moving, control, curves):
     checked = check_curves(curves, moving, control)
     there = parameterize(control)
     here = align(parameterize(moving), there, checked)
-    paths = [], []
-    for surface, side, own in zip((moving, control), ("moving", "control"), paths):
-        metric = fundus_metric(surface)
-        for curve in checked:
-            path = curve.path(side)
-            own.append(fundus_path(surface, *path, metric) if curve.detect[side] else path)
+    paths = [curves_between(surface, checked, side) for surface, side in ((moving, "moving"), (control, "control"))]
     return Courses(name, here, there, tuple(curve.name for curve in checked), paths)
+
+
+def curves_between(surface, curves, side):
+    """Vertex paths of `Curve`s on one side, "moving" or "control"; sulci between endpoints by `fundus_path`."""
+    metric = fundus_metric(surface)
+    ways = ((curve.path(side), curve.detect[side]) for curve in curves)
+    return [fundus_path(surface, *path, metric) if detect else path for path, detect in ways]
 
 
 def cortex_problem(name, moving, control, curves, vertices=None, points=5):

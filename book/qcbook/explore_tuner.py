@@ -1,5 +1,6 @@
 """The explorable of the landmark fit, the registration tuner: what Python knows of it."""
 
+import json
 import time
 from types import MappingProxyType
 
@@ -19,7 +20,7 @@ from qclearn.surfaces.surface import Surface
 from .examples import CORTICES, cortices
 from .live import Live, as_pairs
 from .livefiles import cpnet_file, hemisphere_file
-from .liveproblems import LINE, START, as_moved, density_of, example, problems_file, unfolded, weights_of
+from .liveproblems import LINE, START, as_json, as_moved, density_of, example, problems_file, unfolded, weights_of
 
 
 class Tuner(Live):
@@ -37,10 +38,27 @@ class Tuner(Live):
     # Of delta and eta, at which maps of folds and curves are computed beforehand, a factor of two apart.
     grid = MappingProxyType({"delta": [0.75, 1.5, 3, 6, 12], "eta": [0.875, 1.75, 3.5, 7, 14]})
 
+    def __init__(self, folder=None):
+        """folder: of `qclearn register --out folder`, whose curves and surfaces take the place of the page's
+        problems."""
+        self.folder = None
+        if folder is not None:
+            from .ownmap import OwnMap  # here, as it needs the command line
+
+            self.folder = own = OwnMap(folder)
+            self.moving, self.control, self.curves = own.moving, own.control, own.curves
+            self.initial = MappingProxyType(self.initial | own.start)
+
     def files(self):
         """The inner loops in WebAssembly, the problems, the control surfaces, and CP-Net."""
         from qclearn.nets import load  # here, as it needs torch
 
+        if own := self.folder:
+            problem = as_json(own.example, own.pair, own.again)
+            problem |= {"surface": "control.bin", "note": own.note}
+            surfaces = {"control.bin": surface_file(own.drawn_control())}
+            files = {"problems.json": json.dumps({"own": problem}).encode(), "cpnet.bin": cpnet_file(load("cpnet"))}
+            return super().files() | files | surfaces
         # The synthetic subjects have one control.
         controls = {f"control-{'cortex' if name == 'cortex' else 'subject'}.bin": cortices(name) for name in CORTICES}
         surfaces = {file: surface_file(pair.control) for file, pair in controls.items()}
@@ -49,7 +67,8 @@ class Tuner(Live):
 
     def problem(self, state):
         """The reader's problem on the browser's mesh."""
-        return as_moved(example(state["problem"]).problem, state, self.meshes[state["mesh"]])
+        given = self.folder.example if self.folder else example(state["problem"])
+        return as_moved(given.problem, state, self.meshes[state["mesh"]])
 
     def answer(self, state):
         """The library's fit: its map, L_CP, landmark error and milliseconds."""

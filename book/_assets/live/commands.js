@@ -9,7 +9,7 @@ const weightsOf = ({ alpha, beta, gamma }) => Object.entries({ alpha, beta, gamm
 
 // why no command or call of `register` makes the map, or "": surfaces have no landmarks where a reader has dragged them
 function reason({ again }, { starts, targets, solver }) {
-  if (!again) return "this problem has no surfaces";
+  if (!again) return "no files of its surfaces are known";
   if (Object.keys({ ...starts, ...targets }).length) return "a landmark was moved by hand, and lies on no vertex";
   return solver === "exact" ? "" : "the map shown is not the reference fit";
 }
@@ -47,7 +47,7 @@ export function asPython(state) {
 // the landmarks as they are, on the figure's mesh
 function onTheDisk(state, { moving, target, curve }, options) {
   const kept = curve.flatMap((label, m) => (state.held.includes(label) ? [] : [m])),
-    list = (points) => kept.map((m) => `    complex(${points[m].join(", ")}),`),
+    list = (points) => kept.map((m) => `    complex(${points[m].map((c) => Number(c.toFixed(7))).join(", ")}),`),
     [rings, spokes] = state.mesh === "finer" ? FINE : COARSE;
   return [
     ...["import numpy as np", "import qclearn as qc", ""],
