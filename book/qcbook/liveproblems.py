@@ -28,9 +28,13 @@ START = {
     "held": [],
 }
 DRAWN = ("twist", "anew", "neighbours")
+FILES = """import json, qclearn as qc
+for side in ('right', 'left'):
+    qc.write_surface(side + '.npz', qc.fsaverage5(side))
+json.dump(qc.demo_landmarks(), open('sulci.json', 'w'))"""
 FSAVERAGE = {
-    "before": [["python", "-c", "import json, qclearn; json.dump(qclearn.demo_landmarks(), open('sulci.json', 'w'))"]],
-    "register": ["fsaverage5:right", "fsaverage5:left", "--mirror", "--landmarks", "sulci.json"],
+    "before": [["python", "-c", FILES]],
+    "register": ["right.npz", "left.npz", "--mirror", "--landmarks", "sulci.json"],
     "python": [
         'moving, control = qc.mirror(qc.fsaverage5("right")), qc.fsaverage5("left")',
         "curves = qc.demo_landmarks()",

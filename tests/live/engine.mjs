@@ -96,6 +96,17 @@ const tasks = {
     const bench = { mesh: meshes(kernels), kernels };
     return Promise.all(given.states.map(async (state) => plain(spec.data(state, await spec.work(bench, state)))));
   },
+  // the tuner's map of a state, what it says of it and has to be copied; folder: has problems.json
+  async copied() {
+    const { asCommand, asPython } = await load("commands.js"), { carried } = await load("carried.js"), { solve } = await load("solvers.js");
+    const { loadProblems, problems, requestOf } = await load("problems.js"), { meshes } = await load("mesh.js");
+    const host = { file: async (name) => bytes(join(given.folder, name)) }, { state } = given;
+    await loadProblems(host, state);
+    const request = requestOf(state), { exact } = await solve({ mesh: meshes(kernels) }, request, "map");
+    const { curves, fitted, held } = carried(state, request.mesh, exact.w);
+    const texts = { command: asCommand(state), folds: asCommand(state, true), python: asPython(state) };
+    return { ...texts, map: toPairs(exact.w), moving: request.moving, target: request.target, fitted, held, curves: curves.map(({ off }) => off) };
+  },
   async refusals() {
     const { Problem, checkWeights } = await load("landmarks.js");
     return given.requests.map((request) => {
