@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from qcbook.scenes import surface_picture
+from qclearn.benchmark.measured import RESULTS
 from qclearn.plane.grids import COARSE, FINE
 from qclearn.plot import map_curves
 from qclearn.registration.fit import fit_problem
@@ -21,6 +22,8 @@ from .examples import CORTICES, cortices
 from .live import Live, as_pairs
 from .livefiles import cpnet_file, hemisphere_file
 from .liveproblems import LINE, START, as_json, as_moved, density_of, example, problems_file, unfolded, weights_of
+
+FOLD_GRID = RESULTS / "foldgrid.json"  # of book/studies/fold_grid.py; without it there are no sliders of delta and eta
 
 
 class Tuner(Live):
@@ -62,8 +65,18 @@ class Tuner(Live):
         # The synthetic subjects have one control.
         controls = {f"control-{'cortex' if name == 'cortex' else 'subject'}.bin": cortices(name) for name in CORTICES}
         surfaces = {file: surface_file(pair.control) for file, pair in controls.items()}
-        files = {"problems.json": problems_file(), "cpnet.bin": cpnet_file(load("cpnet"))}
+        problems = problems_file()
+        files = {"problems.json": problems, "cpnet.bin": cpnet_file(load("cpnet"))}
+        if FOLD_GRID.exists():
+            files |= self.fold_files(json.loads(problems), json.loads(FOLD_GRID.read_text(encoding="utf-8")))
         return super().files() | files | surfaces
+
+    def fold_files(self, problems, grid):
+        """The maps of folds and curves of a measured `grid`, and the problems with the state that shows them."""
+        kept = "landmarks", "mesh", "solver", "starts", "targets", "delta", "eta"
+        own = {name: self.initial[name] for name in kept} | grid["weights"]
+        problems["cortex"]["folds"] = own | {"held": grid["held"]}
+        return {"problems.json": json.dumps(problems).encode(), "folds.json": json.dumps(grid["maps"]).encode()}
 
     def problem(self, state):
         """The reader's problem on the browser's mesh."""

@@ -107,6 +107,14 @@ const tasks = {
     const texts = { command: asCommand(state), folds: asCommand(state, true), python: asPython(state) };
     return { ...texts, map: toPairs(exact.w), moving: request.moving, target: request.target, fitted, held, curves: curves.map(({ off }) => off) };
   },
+  // maps between those of a grid of delta and eta, and how many of their triangles fold
+  async folds() {
+    const { withFolds } = await load("folds.js"), host = { file: async (name) => bytes(join(given.folder, name)) };
+    return Promise.all(given.places.map(async (place) => {
+      const { exact } = await withFolds(place, given.request, host);
+      return { map: toPairs(exact.w), folds: exact.folds };
+    }));
+  },
   async refusals() {
     const { Problem, checkWeights } = await load("landmarks.js");
     return given.requests.map((request) => {

@@ -8,15 +8,18 @@ import sys
 
 import numpy as np
 import pytest
-from reference import numbers, run_engine
+from reference import numbers, pairs, run_engine
 
 import qclearn as qc
+from book.studies import fold_grid
+from data_synth import make_cortex
 from qcbook import Tuner
-from qcbook.examples import cortices
+from qcbook.examples import cortices, courses
 from qcbook.explore_tuner import surface_file
 from qcbook.liveproblems import FSAVERAGE, as_json, example
 from qclearn.plane.grids import polar
 from qclearn.registration import curve_distance, curves_in_space
+from qclearn.registration.curves import curves_of_both
 
 PROGRAMS = {"python": [sys.executable], "qclearn": [sys.executable, "-m", "qclearn"]}
 
@@ -81,3 +84,38 @@ def test_distances_are_the_reports(tmp_path):
     for label in (1, 3):
         wanted = curve_distance(*curves_in_space(pair.control, [mapped[label], targets[label]]))
         assert found["curves"][label] == pytest.approx(wanted, rel=0.05)
+
+
+def test_maps_of_folds_lie_between_those_of_the_grid_and_are_certified(tmp_path):
+    """Twists that grow with delta and eta, the last one so strong that halfway to it the map folds."""
+    z, nodes = polar(24).z, list(Tuner.grid.values())
+    turns = [[0.1 * i + 0.05 * j + (3.2 if i == j == 4 else 0) for j in range(5)] for i in range(5)]
+    maps = [[z * np.exp(1j * turn * (1 - abs(z) ** 2)) for turn in row] for row in turns]
+    (tmp_path / "folds.json").write_text(json.dumps([[pairs(f) for f in row] for row in maps]), encoding="utf-8")
+    points = pairs(np.array([0.1, 0.4j, -0.5]))
+    request = {"moving": points, "target": points, "curve": [0, 0, 0], "alpha": 1, "beta": 0.01, "gamma": 1e3}
+    middle = np.sqrt(nodes[1][2] * nodes[1][3])
+    asked = [(nodes[0][1], nodes[1][2]), (nodes[0][1], middle), (nodes[0][4], nodes[1][4] / 1.4)]
+    places = [{"delta": delta, "eta": eta} for delta, eta in asked]
+    node, between, folded = run_engine("folds", folder=str(tmp_path), request=request, places=places)
+    assert abs(numbers(node["map"]) - maps[1][2]).max() < 1e-12 and node["folds"] == 0
+    assert abs(numbers(between["map"]) - (maps[1][2] + maps[1][3]) / 2).max() < 1e-12 and between["folds"] == 0
+    assert folded["folds"] > 0
+
+
+def test_the_grid_has_registers_maps_and_the_page_reads_its_file():
+    """On tiny surfaces; the tuner then has the maps as a file, and the state that shows them."""
+    sides = [make_cortex(seed, 1500).surface for seed in (1, 2)]
+    curves = curves_of_both(*sides)
+    pair = courses("tiny", *sides, curves)
+    held, mesh = [curves[0]["name"]], polar(12)
+    ((f,),) = fold_grid.grid(pair, curves, held, mesh, [3], [3.5])
+    found = qc.register(*sides, curves, hold_out=held)
+    there = mesh.interpolate(numbers(f), mesh.locate(pair.moving.disk.z))
+    assert abs(there - found.disk_map).mean() < 0.01 and abs(there - pair.moving.disk.z).mean() > 0.03
+    assert abs(abs(numbers(f)[-36:]) - 1).max() < 1e-5
+    grid = {"weights": fold_grid.USUAL, "held": [0], "maps": [[f]]}
+    files = Tuner().fold_files({"cortex": {}}, grid)
+    state = json.loads(files["problems.json"])["cortex"]["folds"]
+    assert state["held"] == [0] and (state["gamma"], state["delta"], state["eta"]) == (1e3, 3, 3.5)
+    assert json.loads(files["folds.json"]) == [[f]]

@@ -14,10 +14,10 @@ from explorables import LISTEN, Explorable
 from places import SITE
 from view import NARROW, NO_WEBGL, WIDE, View, axe_findings
 
-from qcbook import Mobius, Sulci
+from qcbook import Mobius
 from qcbook.examples import cortices
 from qcbook.explore_landmarks import Landmarks
-from qcbook.liveproblems import as_moved, example
+from qcbook.liveproblems import example
 from qclearn.surfaces.curvature import area_radius
 
 
@@ -25,7 +25,7 @@ from qclearn.surfaces.curvature import area_radius
 class Row:
     """The page of an explorable; where something is dragged from, by how far, and where it is then in
     the state, or None where dragging turns a surface; labels of sliders that change pictures alone;
-    choices to begin with, and words to wait for."""
+    choices to begin with, words to wait for, and which canvas is dragged on."""
 
     page: str
     start: Callable
@@ -34,6 +34,7 @@ class Row:
     silent: tuple = ()
     chosen: tuple = ()
     ready: str = ""
+    canvas: int = 0
 
 
 def pole(state):
@@ -69,14 +70,15 @@ ROWS = {
         silent=("radius of the brush",),
         chosen=("pattern of mu", "blank"),
     ),
-    "sulci": Row("weights.html", lambda: 0.3, -0.6 + 0.1j, None, silent=VIEWS),
     "tuner": Row(
         "live.html",
         lambda: example("twist").problem.target[4],
         0.1,
         lambda state: complex(*state["targets"]["4"]),
+        silent=VIEWS,
         chosen=("problem", "twist"),
         ready="CP-Net: landmark error",
+        canvas=1,
     ),
 }
 # Sets a slider as a hand does that lets it go.
@@ -116,7 +118,8 @@ def test_each_control_moves_it_and_has_a_name(shown):
 
 
 def test_it_is_dragged_and_moved_by_keys(shown):
-    row, canvas = ROWS[shown.name], shown.root.locator("canvas").first
+    row = ROWS[shown.name]
+    canvas = shown.root.locator("canvas").nth(row.canvas)
     shown.reset()
     if row.chosen:
         shown.choose(*row.chosen)
@@ -133,6 +136,7 @@ def test_it_is_dragged_and_moved_by_keys(shown):
 
 
 def test_its_main_picture_comes_first_and_large_and_in_focus(shown):
+    shown.reset()
     canvas, control = (shown.root.locator("canvas").first, shown.root.locator("input, select").first)
     main = canvas.bounding_box()
     assert main["width"] >= 360 and main["y"] < control.bounding_box()["y"]
@@ -227,17 +231,6 @@ def test_areas_are_those_of_the_frames_on_the_page(named):
     assert named.data()["answer"]["area"] == pytest.approx(areas[-1] / areas[0], rel=1e-9)
 
 
-@pytest.mark.parametrize("named", ["sulci"], indirect=True)
-def test_millimetres_are_the_librarys(named):
-    named.press(named.slider("beta"), "ArrowRight")
-    data = named.data()
-    problem = as_moved(example(data["state"]["problem"]).problem, data["state"], Sulci.mesh)
-    off = Sulci.distances(data["state"], problem, np.array(data["answer"]["map"]).view(complex))
-    assert data["answer"]["mm"] == pytest.approx(off.mean(), abs=0.02)
-    worst = [off[problem.curve == label].mean() for label in np.unique(problem.curve)]
-    assert f"Worst is the {cortices('cortex').names[int(np.argmax(worst))]}" in named.words
-
-
 @pytest.mark.parametrize("named", ["landmarks"], indirect=True)
 def test_ends_that_meet_are_refused(named):
     start, _ = Landmarks().ends(FSAVERAGE)
@@ -248,27 +241,20 @@ def test_ends_that_meet_are_refused(named):
     assert "both ends are at the same place" in named.said and named.pictures() == picture
 
 
-@pytest.mark.parametrize("named, control, words, there", [
-    ("landmarks", "weight of the depth", "to the tuner", "live.html#live-tuner="),
-    ("sulci", "beta", "Take this to the tuner", "live.html#live-tuner="),
-    ("tuner", "beta", "See it on the surface", "weights.html#live-sulci="),
-], indirect=["named"])  # fmt: skip
-def test_one_hands_its_state_to_another(named, control, words, there):
-    named.press(named.slider(control), "ArrowRight")
-    link = unquote(named.root.get_by_role("link", name=words).get_attribute("href"))
-    assert link.startswith(there)
-    state = json.loads(link.removeprefix(there))
-    if control == "beta":
-        assert state["beta"] == named.state()["beta"]
-    else:
-        assert state["problem"] == "first" and len(state["starts"]) == 5
+@pytest.mark.parametrize("named", ["landmarks"], indirect=True)
+def test_a_path_is_handed_to_the_tuner(named):
+    named.press(named.slider("weight of the depth"), "ArrowRight")
+    link = unquote(named.root.get_by_role("link", name="to the tuner").get_attribute("href"))
+    assert link.startswith("live.html#live-tuner=")
+    state = json.loads(link.removeprefix("live.html#live-tuner="))
+    assert state["problem"] == "first" and len(state["starts"]) == 5
 
 
 def test_without_webgl_it_says_so_and_the_picture_stays(window, site_address):
     page = window.new_page()
     page.add_init_script(NO_WEBGL)
-    page.goto(site_address + ROWS["sulci"].page)
-    root = page.locator(".qc-live[data-page=sulci]")
+    page.goto(site_address + ROWS["tuner"].page)
+    root = page.locator(TUNER)
     root.locator("[role=status]:has-text('no WebGL')").wait_for(timeout=60_000)
     assert root.locator("img[alt]").count() == 1
     page.close()
@@ -294,9 +280,9 @@ def tuner(window, site_address):
 @pytest.mark.parametrize("size", [(1280, 800), (390, 844)])
 def test_picture_sliders_and_sentence_are_on_the_first_screen(tuner, size):
     tuner.reset()
-    assert tuner.said.startswith("Sulci ") and " mm off, distortion " in tuner.said and "no folds" in tuner.said
+    assert re.match(r"Fitted sulci [\d.]+ mm off; mean \|μ\| [\d.]+, largest [\d.]+; no folds\.$", tuner.said)
     tuner.page.set_viewport_size(dict(zip(("width", "height"), size)))
-    parts = [tuner.root.locator("canvas").first, tuner.root.locator(".qc-live-status")]
+    parts = [*tuner.root.locator("canvas").all()[:2], tuner.root.locator(".qc-live-status")]
     parts += [tuner.slider(name) for name in ("alpha", "beta", "gamma")]
     tuner.page.evaluate("scrollTo(0, 0)")
     lowest = max(box["y"] + box["height"] for box in (part.bounding_box() for part in parts))
@@ -322,6 +308,45 @@ def test_the_fit_is_shown_before_the_other_maps_are_there(tuner):
     first = tuner.page.evaluate("window.heard")
     assert "reference fit: landmark error" in first and "CP-Net: still computing" in first
     assert "CP-Net: landmark error" in tuner.words
+
+
+def test_a_sulcus_is_named_where_the_pointer_is_and_held_out_by_a_click(tuner):
+    tuner.reset()
+    tuner.after(lambda: tuner.slider("gamma").evaluate(TO, 4))
+    pair, problem = cortices("cortex"), example("cortex").problem
+    spot = example("cortex").radius.to_image(problem.target[problem.curve == 1][2])  # in the second one's middle
+    canvas, name = tuner.root.locator("canvas").nth(1), pair.names[1]
+    canvas.scroll_into_view_if_needed()
+    box = canvas.bounding_box()
+    half = box["width"] * 150 / 320
+    place = box["x"] + box["width"] / 2 + spot.real * half, box["y"] + box["height"] / 2 - spot.imag * half
+    tuner.page.mouse.move(*place)
+    tuner.root.locator(".qc-live-tip:visible").filter(has_text=name).wait_for()
+    tuner.after(lambda: tuner.page.mouse.click(*place))
+    button = tuner.root.get_by_role("button", name=re.compile(f"^{name} "))
+    assert tuner.state()["held"] == [1] and button.get_attribute("aria-pressed") == "true"
+    fitted, held = re.match(r"Fitted sulci ([\d.]+) mm off, held out \(blue\) ([\d.]+) mm;", tuner.said).groups()
+    assert float(held) > 10 * float(fitted)
+    tuner.after(button.click)
+    assert "held" not in tuner.state() and "held out" not in tuner.said
+
+
+def test_a_is_kept_and_wiped_beside_b(tuner):
+    tuner.reset()
+    assert tuner.root.get_by_role("slider", name="wipe").count() == 0
+    tuner.after(lambda: tuner.slider("gamma").evaluate(TO, 2))
+    tuner.click("Keep as A")
+    tuner.after(lambda: tuner.slider("gamma").evaluate(TO, 5))
+    lines = tuner.root.locator("table").first.locator("tr").all_inner_texts()
+    cells = dict(line.split("\t", 1) for line in lines)
+    assert cells["gamma"] == "100\t100,000" and cells["fitted"].startswith("0.9")
+    seen = [tuner.pictures()[:2]]
+    for key in ("End", "Home"):
+        tuner.press(tuner.slider("wipe"), key)
+        seen.append(tuner.pictures()[:2])
+    assert all(len({*one}) == 3 for one in zip(*seen))
+    tuner.root.get_by_role("button", name="Copy as command").click()
+    assert "--gamma 100000 --no-features" in tuner.root.locator(".qc-live-copied").inner_text()
 
 
 MET = {"problem": "neighbours", "targets": {"0": [0.25, 0.08], "1": [0.25, 0.08]}}
