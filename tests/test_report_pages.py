@@ -202,3 +202,8 @@ def test_a_folder_that_is_not_one_whole_run_is_one_line(runs, tmp_path, capsys, 
 def test_a_page_that_cannot_be_written_is_one_line(runs, tmp_path, capsys):
     for out, message in (("a.pdf", "give a name that ends in .html"), ("none/a.html", "cannot be written")):
         assert f"{out}: {message}" in refused(capsys, tmp_path, "report", runs / "one", "--out", tmp_path / out)
+
+
+@pytest.mark.parametrize("changes, named", [({}, True), ({"curves": []}, False)])
+def test_a_page_with_curves_names_the_tuner_of_jupyterlab(runs, tmp_path, changes, named):
+    assert ("explorable(Tuner(" in page_of(copied(runs, "one", tmp_path, **changes))) == named

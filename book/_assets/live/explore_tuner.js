@@ -110,14 +110,14 @@ const click = (state, label) => ({ held: toggled(state.held, label), folds: fals
 const views = [
   {
     name: "surface",
-    label: "registered sulci orange, blue if held out; targets red; turn it",
+    label: "registered sulci: orange, held out: blue, targets: red",
     picture: Solid,
     drag: turned,
     click,
   },
   {
     name: "map",
-    label: "its disk: click a sulcus to hold it out, drag a target",
+    label: "the disk: click a sulcus to hold it out",
     ...movable("target", "targets"),
     click,
   },
