@@ -11,14 +11,15 @@ import shutil
 import threading
 import time
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 
 import click
 import numpy as np
 from playwright.sync_api import sync_playwright
 
-from book.builder.build_book import SITE
 from qclearn.io.provenance import provenance
 
+SITE = Path(__file__).resolve().parents[2] / "_build" / "html"
 ROOT = ".qc-live[data-page=tuner]"
 # Moves gamma, and gives the milliseconds to the next answer, and to the one on the page's mesh.
 MOVE = """([root, value]) => new Promise(done => {
@@ -44,7 +45,7 @@ class Quiet(SimpleHTTPRequestHandler):
 @click.command()
 @click.option("--moves", default=40, help="Steps of gamma from one end to the other.")
 def main(moves):
-    handler = functools.partial(Quiet, directory=SITE / "html")
+    handler = functools.partial(Quiet, directory=SITE)
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server, sync_playwright() as playwright:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
