@@ -1,5 +1,7 @@
 """Cells on the site: a folded cell that prints nothing has no bar of its own."""
 
+from types import SimpleNamespace
+
 from docutils import nodes
 from docutils.utils import new_document
 
@@ -20,8 +22,16 @@ def joined(*cells):
     page = new_document("page")
     page.extend(cells)
     mark_silent(None, page)
+    numbers = {"page": {"figure": {"fig-a": (3, 1)}}}
+    page.settings.env = SimpleNamespace(toc_fignumbers=numbers, docname="page")
     JoinFolded(page).run()
     return [(one.get("hide_mode"), [block.astext() for block in one.children[0]]) for one in page]
+
+
+def test_the_bar_of_a_folded_cell_names_the_figure_that_it_makes():
+    cells = cell("a = 1", True), cell('show_figure(a, "fig-a", "words")', True, True), cell("a", True, True)
+    joined(*cells)
+    assert [one.get("prompt_show") for one in cells[1:]] == ["Show the code of Fig. 3.1", "Show the code"]
 
 
 def test_a_folded_cell_that_prints_nothing_joins_the_next_folded_one_but_not_across_visible_code():
