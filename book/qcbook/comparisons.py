@@ -8,7 +8,7 @@ from .verdicts import side
 
 DRAWS, LEVEL = 10_000, 0.95  # of the bootstrap
 SHARED = ("disk maps", "landmarks")  # stages that every chain begins with
-SOLVES = ("resampling", "DBS-Net", "exact solver")  # what makes a map of a coefficient
+SOLVES = ("resampling", "DBS-Net", "conjugate gradients", "exact solver")  # what makes a map of a coefficient
 
 
 def among_people(rows):
@@ -121,7 +121,7 @@ def chain_seconds(rows):
             solve = sum(seconds for stage, seconds in stages.items() if stage in SOLVES)
             apart = sum(seconds for stage, seconds in stages.items() if stage not in SHARED)
             checks = stages.get("certificate", 0.0)
-            if "DBS-Net" in stages:
+            if "resampling" in stages:
                 checks += stages.get("correction", 0.0)
             passes = apart - checks - stages.get("resampling", 0.0)
             sums = {"map": apart, "comes": apart - checks, "passes": passes, "solve": solve}
