@@ -23,7 +23,7 @@ from ..interrupts import attach
 TABLE = {
     "curves": "Curve check_curves curve_distance curves_in_space",
     "diagnose": "astray diagnose_landmarks",
-    "features": "FINEST FOLDS Feature check_features featured",
+    "features": "FINEST FOLDS LOCAL NEIGHBOURHOOD Feature check_features featured",
     "fit": "OVERFITS exact_map fit_problem",
     "gauss_newton": "PrimalStep",
     "levels": "GUIDING_DELTA GUIDING_GAMMA LEVELS Level MultiresolutionFit guided run_level",
