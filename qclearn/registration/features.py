@@ -6,6 +6,7 @@ that of its disk); `Features` compares two. `mobius_by_features` aligns disks by
 `check_features` reads what a call was given.
 """
 
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -34,9 +35,9 @@ COARSE_VERTICES = 12_000  # of a large surface, on which coarser scales are smoo
 # What a fit compares. People's folds differ in depth and in strength from region to region: up to
 # the scale LOCAL, mm, folds count by the mean and the deviation of their surroundings, NEIGHBOURHOOD
 # mm wide, with LEAST_VARIANCE of the whole where these have none. Above it the potential of
-# curvature takes a SHARE of the depth's weight.
+# curvature takes one of SHARES of the depth's weight: the first, or of a fit without landmarks any.
 LOCAL, NEIGHBOURHOOD, LEAST_VARIANCE = 8.0, 30.0, 0.05
-SHARE = 0.5
+SHARES = 0.5, 0.0, 1.0
 # mm^2, of a surface on which a scale is in mm; on others in proportion, whatever their unit.
 HEMISPHERE = 9e4
 
@@ -183,6 +184,9 @@ class Features:
         self.smoothings = moving.smoothing, control.smoothing
         self.names, self.areas = moving.smoothing.names, moving.vertex_shares
         self.disk = control.disk
+        # Which part of the depth's weight its potential takes; `sharing` makes the others.
+        self.shares = SHARES if {"depth", "potential"} <= set(self.names) else SHARES[:1]
+        self.share = self.shares[0]
         weights = np.ones(len(self.names)) if weights is None else np.array(weights)
         self.feature_weights = weights / weights.sum()
 
@@ -192,13 +196,19 @@ class Features:
 
     def compared(self, sigma):
         """What a fit compares at scale sigma, (V, C) and (W, C), and the maps' weights there (C,), of
-        sum 1: beside depth the potential counts above the scale LOCAL alone, by its SHARE."""
+        sum 1: beside depth the potential counts above the scale LOCAL alone, by the `share`."""
         weights, names = self.feature_weights.copy(), list(self.names)
-        if {"depth", "potential"} <= set(names):
-            share = SHARE if sigma > LOCAL else 0.0
+        if len(self.shares) > 1:
+            share = self.share if sigma > LOCAL else 0.0
             weights[names.index("depth")] *= 1 - share
             weights[names.index("potential")] *= share
         return *(one.compared(sigma) for one in self.smoothings), weights / weights.sum()
+
+    def sharing(self, share):
+        """The same with another share of the potential."""
+        other = copy(self)
+        other.share = share
+        return other
 
     def judges(self, sigma):
         """The moving vertices at which features of a scale are compared, as of `Smoothing.few`, and

@@ -33,7 +33,7 @@ from ..plane.solver import DiskSolver
 from .features import Features
 from .levels import MultiresolutionFit, feature_levels, landmark_levels, rings_for, run_level
 from .problem import DELTA, NOTHING, LandmarkError, Problem, Weights
-from .start import from_two_starts
+from .start import from_starts
 
 FEWEST_RINGS = 4  # of the polar mesh; half of them on the coarse one
 ROUNDING = 1e-9  # by which an objective may exceed another and count as equal
@@ -160,7 +160,7 @@ def fit_registration(
     # From coarse features on a coarse mesh to fine ones; without landmarks from one of two starts.
     multiresolution, start_message = MultiresolutionFit(problem), ""
     if weights.eta and start is None and not len(problem.moving):
-        fitted, start_message = from_two_starts(multiresolution, levels, weights, features)
+        fitted, start_message = from_starts(multiresolution, levels, weights, features)
     else:
         fitted = multiresolution.run(levels, weights, start, features)
     # No second fit from the Möbius map: on the last level alone features would lead it to the

@@ -16,6 +16,7 @@ from ..surfaces.conformal import ParameterizedSurface, apply_mobius
 from ..surfaces.surface import Surface, closing_fans
 from .curves import POINTS_PER_CURVE, curve_lines, equally_spaced, sample_curve
 from .features import (
+    FINEST,
     HEAT_STEPS,
     HEMISPHERE,
     PLACED,
@@ -27,7 +28,7 @@ from .features import (
     mobius_by_features,
     standardised,
 )
-from .levels import COARSE_MM, run_level
+from .levels import COARSE_MM, GUIDES, feature_levels, run_level
 from .problem import LandmarkError, Problem, meeting
 
 # Crude spheres: the scale in mm at which a hemisphere has no folds and still its shape; degrees by
@@ -37,6 +38,7 @@ ROUND = 20.0
 TURNS = (32, 16, 8, 4, 2)
 CELLS = 48
 APART = 0.15  # mean distance in the disk of two starts that are tried both
+NEAR = float(__import__("os").environ.get("NEAR", "0.01"))
 # The least 1 - |a| of the Möbius map (a, theta) that aligns a disk with its area centred: what lay in
 # the middle shrinks to (1 - |a|^2)^2 of its area. 0.45 to 1 by right curves, one to all, ends or
 # whole, of eight people, fsaverage5 and synthetic brains (20,904 choices), 0.40 to 1 by folds; less
@@ -270,19 +272,30 @@ def crude_sphere(surface, spread=None):
     return places / np.maximum(np.linalg.norm(places, axis=1, keepdims=True), np.finfo(float).tiny)
 
 
-def from_two_starts(multiresolution, levels, weights, features):
+def from_starts(multiresolution, levels, weights, features):
     """The fit of a problem without landmarks, as of `MultiresolutionFit.run`, and a message on its
     start.
 
     Where two surfaces are cut elsewhere their disks differ by more than a Möbius map, and folds
     lead it into valleys that are not theirs. A second fit begins where `Directions` lead. Unless it
-    lies near the first, the one whose objective is lower after the guiding levels goes on.
+    lies near the first, the one whose objective is lower after the guiding levels goes on. Depth
+    and the potential of curvature guide into other valleys still: of the fits by `Features.shares`
+    that end more than NEAR apart, the one whose objective is lowest at the FINEST scale of a polar
+    mesh goes on.
     """
     z = multiresolution.problem.disk.z
     guiding = [level for level in levels if level.mesh == "nu" and (level.sigma or 0) >= COARSE_MM]
     rest = levels[len(guiding) :]
     if not guiding:
         return multiresolution.run(levels, weights, features=features), ""
+
+    def run(levels, share, resumed=None):
+        guide = features.sharing(share)
+        return multiresolution.run(levels, weights, features=guide, resumed=resumed)
+
+    def value(fit):
+        objective, state, _ = fit
+        return objective.value(state, objective.weights.gamma)
 
     # The crude spheres lead the map from their best Möbius map on.
     directions = multiresolution.problem.pair.directions
@@ -291,20 +304,40 @@ def from_two_starts(multiresolution, levels, weights, features):
     state = leading.at(nothing, best_by_features(directions, z, PLACED))
     state, _ = run_level(leading, state, guiding[0])
     apart = features.areas @ abs(leading.moved(state) - z)
-    best = multiresolution.run(guiding, weights, features=features, resumed=(leading, state))
+    usual, *others = features.shares
+    start = leading, state
+    best = run(guiding, usual, start)
     message = f"by crude spheres, {apart:.2g} in the disk from the best Möbius map of features"
 
     # Far from the best Möbius map of features: fit from there as well, and take the better of both.
     if apart >= APART:
-        other = multiresolution.run(guiding, weights, features=features)
-        values = [one.value(state, one.weights.gamma) for one, state, _ in (best, other)]
+        other = run(guiding, usual)
+        values = [value(one) for one in (best, other)]
         names = ("spheres", "features")
         lower = int(values[1] < values[0])
-        best = (best, other)[lower]
+        best, start = ((best, start), (other, None))[lower]
         message = (
             f"by {names[lower]} (objective {values[lower]:.4g}), not by {names[1 - lower]} "
             f"(objective {values[1 - lower]:.4g})"
         )
-    resumed, taken = best[:2], best[2]
-    objective, state, steps = multiresolution.run(rest, weights, features=features, resumed=resumed)
-    return (objective, state, taken + steps), message
+
+    # The other shares guide from the same start; one that ends near an earlier one is left out.
+    guided = {usual: best}
+    for share in others:
+        one = run(guiding, share, start)
+        end, ends = one[0].moved(one[1]), [fit[0].moved(fit[1]) for fit in guided.values()]
+        if min(features.areas @ abs(end - known) for known in ends) > NEAR:
+            guided[share] = one
+    if len(guided) > 1:
+        # They are judged by one objective, at the finest scale of a polar mesh.
+        deciding = [level for level in rest if level.mesh == "nu"]
+        if not any(level.sigma == FINEST for level in deciding):
+            deciding += feature_levels(multiresolution.problem.disk, GUIDES[-1:])
+        for share, one in guided.items():
+            objective, state, steps = run(deciding, share, one[:2])
+            guided[share] = objective, state, one[2] + steps
+        share = min(guided, key=lambda share: value(guided[share]))
+        best, rest = guided[share], [level for level in rest if level.mesh != "nu"]
+        message += f"; the potential's share {share:g} of {', '.join(f'{one:g}' for one in guided)}"
+    objective, state, steps = run(rest, usual, best[:2])
+    return (objective, state, best[2] + steps), message

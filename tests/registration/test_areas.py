@@ -36,11 +36,11 @@ def growth_of(z, growth=GROWTH):
     return np.log((1 + growth * square) * (1 + 3 * growth * square) / (1 + growth) ** 2)
 
 
-def sides_of(moving, control, maps=()):
+def sides_of(moving, control, maps=(), names="012"):
     """`SurfacePair` of two flat `ParameterizedSurface`s with features, if any."""
     if not maps:
         return SurfacePair(moving, control, [], [])
-    moving, control, features = featured(moving, control, [Feature(f"{k}", *pair) for k, pair in enumerate(maps)])
+    moving, control, features = featured(moving, control, [Feature(*given) for given in zip(names, *zip(*maps))])
     return SurfacePair(moving, control, [], [], features)
 
 
@@ -159,6 +159,15 @@ def test_places_that_mislead_do_no_harm():
     sides = sides_of(turned, tall(CONTROL), MAPS)
     fit = fit_registration(problem_of(sides), WEIGHTS, sides.features)
     assert fit.start_message.startswith("by features (objective") and abs(fit.f - TWIST(MOVING.z)).mean() < 0.02
+
+
+@pytest.mark.parametrize("turn, told", [(0.0, "$"), (1.0, "; the potential's share 0 of 0.5, 0")])
+def test_of_what_depth_and_its_potential_guide_the_lower_goes_on(turn, told):
+    """A potential that lies elsewhere than the folds guides astray."""
+    potential = [1.5 * field for field in (folds(TWIST(MOVING.z))[0], folds(CONTROL.z * np.exp(1j * turn))[0])]
+    sides = sides_of(tall(MOVING), tall(CONTROL), [*MAPS, potential], ("depth", "curvature", "potential"))
+    fit = fit_registration(problem_of(sides), WEIGHTS, sides.features)
+    assert abs(fit.f - TWIST(MOVING.z)).mean() < 0.02 and re.search(f"Möbius map of features{told}", fit.start_message)
 
 
 def test_eta_without_surfaces_is_refused():
