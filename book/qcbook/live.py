@@ -16,6 +16,7 @@ from pathlib import Path
 import anywidget
 import numpy as np
 import traitlets
+from IPython.display import HTML, display
 from matplotlib.figure import Figure
 
 import qcbook as pages
@@ -164,4 +165,11 @@ def two_disks(*titles):
 
 def explorable(live):
     """The widget of an explorable, as `explorable(Mobius())`; a `Page` while the book is made."""
-    return Page(live) if os.environ.get("QCLEARN_PAGES") == "static" else Explorer(live)
+    if os.environ.get("QCLEARN_PAGES") == "static":
+        return Page(live)
+    sign = display(HTML("<p>The figure's files are being made: some seconds ...</p>"), display_id=True)
+    try:
+        return Explorer(live)
+    finally:
+        if sign:  # None outside notebooks
+            sign.update(HTML(""))

@@ -2,6 +2,7 @@
 
 import json
 import re
+from pathlib import Path
 
 import nbformat
 import numpy as np
@@ -31,6 +32,22 @@ def test_an_explorable_is_moved_by_hand_and_by_python_and_asks_the_kernel(notebo
     shown.root.locator('[role=status]:has-text("The kernel\'s")').wait_for(timeout=60_000)
     assert float(re.findall(r"\d\.?\d*e[+-]\d+|0", shown.said)[-1]) < 1e-12
     assert axe_findings(shown.page, shown.root) == []
+    assert notebook.complaints == [] and notebook.from_elsewhere() == []
+
+
+def test_a_folder_that_register_wrote_is_tuned(notebook):
+    folder = Path(__file__).resolve().parents[1] / "run_of_0_2"
+    notebook.add(f"own = explorable(Tuner({str(folder)!r}))\nown")
+    shown = Explorable(notebook, "tuner", "Landmarks alone, on your own surfaces")
+    assert "which need `register` again" in shown.said and "held out (blue)" in shown.said
+    shown.press(shown.slider("gamma"), "ArrowLeft")
+    notebook.until("own.state['gamma'] < own.live.initial['gamma'] and own.state['problem'] == 'own'")
+    notebook.until("own.found['held'] > own.found['fitted'] > 0")
+    shown.root.get_by_role("button", name="Command with folds").click()
+    command = shown.root.locator(".qc-live-copied").inner_text()
+    assert command.startswith("qclearn register rh.pial lh.pial --cortex ") and "--delta 3 --eta 3.5" in command
+    shown.reset()
+    notebook.until("own.state['gamma'] == own.live.initial['gamma'] and own.state['held'] == [1]")
     assert notebook.complaints == [] and notebook.from_elsewhere() == []
 
 

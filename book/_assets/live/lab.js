@@ -24,7 +24,7 @@ export async function render({ model, el }, spec, worker) {
       model.save_changes();
     },
     // the bytes of a trait as an ArrayBuffer of their own
-    file(name) {
+    async file(name) {
       const bytes = model.get("files")[name];
       if (!bytes) throw new Error(`${name} is missing.`);
       return bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength);
