@@ -137,6 +137,11 @@ def test_composition_stays_below_one_and_undoes_itself(mu_f, mu_g, angle):
     assert compose_coefficients(mu_f, f_z, 0) == mu_f
 
 
+def test_moebius_after_the_map_leaves_the_coefficient():
+    z = Z[abs(Z) > 0.05]
+    np.testing.assert_allclose(after(moebius(0.6 - 0.2j, 0.7), SLIDING).mu(z), SLIDING.mu(z), atol=1e-13)
+
+
 # The matrix.
 
 
@@ -151,6 +156,15 @@ def test_diffusion_is_the_papers_matrix_with_determinant_one(mu, gradient):
     assert np.linalg.eigvalsh(columns).min() > 0
     product = matrix @ [gradient.real, gradient.imag]
     assert diffuse(mu, gradient) == pytest.approx(complex(*product), rel=1e-9, abs=1e-9)
+
+
+def test_diffused_gradient_of_u_is_the_turned_gradient_of_v():
+    """`v_y = a1 u_x + a2 u_y`, `-v_x = a2 u_x + a3 u_y`: the paper's eqn3 with its signs mended."""
+    exact = affine(1.3 + 0.2j, 0.5 - 0.4j)
+    f, mu = exact(Z), exact.mu(Z[:1])[0]
+    gradients = hat_gradients(Z, FACES)
+    u, v = (np.einsum("fk,fk->f", gradients, part[FACES]) for part in (f.real, f.imag))
+    np.testing.assert_allclose(diffuse(mu, u), -1j * v, atol=1e-12)
 
 
 def test_stiffness_equals_the_cotangent_matrix_of_the_metric():

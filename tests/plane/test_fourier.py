@@ -32,6 +32,15 @@ def test_all_frequencies_give_the_image_back(image):
     assert coefficient_count(128, 5) == 121
 
 
+def test_parseval(image):
+    assert (abs(fourier_coefficients(image, 8)) ** 2).sum() == pytest.approx((abs(image) ** 2).mean(), rel=1e-12)
+
+
+def test_error_falls_with_each_frequency(image):
+    errors = [np.linalg.norm(compress(image, k) - image) for k in range(9)]
+    assert (np.diff(errors) < 0).all() and errors[-1] < 1e-12 < errors[-2]
+
+
 def test_matrix_products_are_the_truncated_transform(image):
     m = fourier_matrix(len(image), 3)
     np.testing.assert_allclose(m @ image @ m.T, fourier_coefficients(image, 3), atol=1e-14)
