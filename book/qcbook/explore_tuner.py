@@ -35,7 +35,7 @@ class Tuner(Live):
         START
         | {"gamma": 1.0, "delta": DELTA, "eta": ETA, "folds": False, "shade": "mu", "kept": None, "wipe": 0.5}
         | {"turn": 0.0, "tilt": 10.0, "zoom": 1.2, "unfold": 0.6, "before": False}
-        | {"solver": "exact", "mesh": "coarser", "looks": "2", "lambda": 10.0}
+        | {"solver": "exact", "mesh": "coarser", "looks": "2"}
     )
     meshes = MappingProxyType({"coarser": COARSE, "finer": FINE})
     # Of delta and eta, at which maps of folds and curves are computed beforehand, a factor of two apart.

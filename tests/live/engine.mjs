@@ -54,14 +54,12 @@ const tasks = {
       };
     });
   },
-  async harmonic() {
-    const { Problem } = await load("landmarks.js"), { Harmonic } = await load("harmonic.js"), { measure } = await load("measures.js");
-    return given.requests.map((request) => {
-      const problem = new Problem(request), fine = mesh(given.fine), found = new Harmonic(fine, problem);
-      return request.lambdas.map((lambda) => {
-        const w = found.map(lambda), { L_CP, flipped } = measure(fine, w, { problem, places: found.places, weights: request });
-        return { f: toPairs(w), L_CP, flipped };
-      });
+  async measured() {
+    const { Problem } = await load("landmarks.js"), { measure } = await load("measures.js"), fine = mesh(given.fine);
+    const problem = new Problem(given.request), places = given.request.moving.map(([x, y]) => fine.locate(x, y));
+    return given.maps.map((w) => {
+      const { L_CP, flipped } = measure(fine, fromPairs(w), { problem, places, weights: given.request });
+      return { L_CP, flipped };
     });
   },
   async cpnet() {

@@ -376,10 +376,11 @@ def test_what_is_missing_or_refused_is_said(window, site_address, missing, state
 
 def test_a_map_that_fails_after_the_fit_says_why(window, site_address):
     page, planted = (window.new_page(), (SITE / "_static" / "live" / "solvers.js").read_text(encoding="utf-8"))
-    planted = planted.replace("const harmonic = springs(mesh, request);", "throw new Error('a planted fault');")
+    line = "const network = await pass(bench, meshes.fine, request, stale);"
+    planted = planted.replace(line, "throw new Error('a planted fault');")
     page.route("**/_static/live/solvers.js", lambda route: route.fulfill(body=planted, content_type="text/javascript"))
     page.goto(f"{site_address}live.html")
-    numbers = page.locator(f"{TUNER} .qc-live-numbers:has-text('harmonic map: no map, a planted fault')")
+    numbers = page.locator(f"{TUNER} .qc-live-numbers:has-text('CP-Net: no map, a planted fault')")
     numbers.wait_for(state="attached", timeout=60_000)
     assert THE_FIT in numbers.text_content() and "still computing" not in numbers.text_content()
     assert page.locator(f"{TUNER} [role=status]").get_attribute("aria-busy") == "false"

@@ -20,11 +20,12 @@ const known = new Map(), // of a map's part of the state -> what was found
   sweeps = new Map(), // of that without gamma -> the trade-off
   measured = new WeakMap(); // map -> what `carried` says of it
 let network = null, // the promise of CP-Net's megabyte: it comes after the first answer, which need not wait for it
-  absent = ""; // why it has not come
+  absent = "", // why it has not come
+  drawn = []; // what the maps' pictures show: later answers have the same maps
 
 const ofMap = (state) => Object.fromEntries(Object.entries(state).filter(([name]) => !SEEN.includes(name)));
 const keyOf = (state) => JSON.stringify(ofMap(state));
-const sweepKey = ({ gamma, solver, lambda, looks, ...state }) => keyOf(state);
+const sweepKey = ({ gamma, solver, looks, ...state }) => keyOf(state);
 
 function remember(state, found) {
   known.set(keyOf(state), found);
@@ -126,8 +127,10 @@ const views = [
 ];
 
 function draw([surface, disk, trade, moving], state, found) {
-  const sides = sidesOf(state, found);
-  drawMaps(surface, disk, state, sides);
+  const sides = sidesOf(state, found),
+    now = [JSON.stringify([state, disk.chosen]), ...sides.map(({ shown }) => shown)];
+  if (now.length !== drawn.length || now.some((one, k) => one !== drawn[k])) drawMaps(surface, disk, state, sides);
+  drawn = now;
   drawChart(trade, sides.at(-1), sweeps.get(sweepKey(state)) ?? []);
   drawMoving(moving, sides.at(-1));
 }
@@ -145,91 +148,43 @@ function curveNames(state) {
   ]);
 }
 
-const without = (state) => !state.folds;
-const wait = { starts: {}, targets: {}, held: [], kept: null, folds: false }; // what belongs to the problem it was done in
-const logs = (values) => ({
-  min: Math.log10(values[0]),
-  max: Math.log10(values.at(-1)),
-  step: 0.01,
-  when: (state) => state.folds,
-});
-const rare = (one) => ({ ...one, rare: true });
+const folded = (state) => Boolean(state.folds);
+const fresh = { starts: {}, targets: {}, held: [], kept: null, folds: false }; // what belongs to the problem it was done in
+const ofFolds = (name, label) => {
+  const [low, high] = [GRID[name][0], GRID[name].at(-1)].map(Math.log10),
+    marks = [[INITIAL.tuner[name], "▲", "default"]];
+  return { kind: "log", name, label, min: low, max: high, step: 0.01, marks, when: folded };
+};
+const choice = (name, label, options) => ({ kind: "choice", name, label, options: Object.entries(options) });
+const linear = (name, label, min, max, step) => ({ kind: "linear", name, label, min, max, step });
+const fitsFolds = { kind: "switch", name: "folds", label: "fit folds, too", also: (on) => (on ? foldsOf(problems) : {}) };
+const problemChoice = { kind: "choice", name: "problem", label: "problem", also: fresh };
+const holds = { kind: "names", name: "held", label: "Sulci and mm off; press to hold out (blue): ", also: { folds: false } };
+const rare = [
+  { kind: "switch", name: "before", label: "where the best Möbius map alone takes the sulci (green)" },
+  linear("unfold", "unfolded, 0 to 1", 0, 1, 0.05),
+  linear("turn", "turn of the surface in degrees", -180, 180, 5),
+  linear("tilt", "tilt of the surface in degrees", -90, 90, 5),
+  linear("zoom", "zoom", 0.5, 4, 0.1),
+  choice("landmarks", "landmarks", { points: "points", sliding: "sliding along their curves" }),
+  choice("solver", "map shown", SOLVERS),
+  choice("looks", "refining steps of CP-Net", { 0: "0", 1: "1", 2: "2" }),
+  choice("mesh", "mesh", { coarser: "24 x 72", finer: "finer: 32 x 96" }),
+];
 const controls = [
-  ...weights.toReversed().map((one) => ({ ...one, when: without })),
+  ...weights.toReversed().map((one) => ({ ...one, when: (state) => !state.folds })),
+  ofFolds("delta", "δ (delta), folds"),
+  ofFolds("eta", "η (eta), areas"),
+  { ...fitsFolds, when: (state) => foldsOf(problems, state) },
+  { ...linear("wipe", "wipe: A left, B right", 0, 1, 0.01), when: (state) => state.kept },
+  { ...holds, options: curveNames },
+  choice("shade", "colour", { mu: "|μ|", areas: "change of areas", none: "neither" }),
   {
-    kind: "log",
-    name: "delta",
-    label: "δ (delta), folds",
-    marks: [[INITIAL.tuner.delta, "▲", "default"]],
-    ...logs(GRID.delta),
-  },
-  { kind: "log", name: "eta", label: "η (eta), areas", marks: [[INITIAL.tuner.eta, "▲", "default"]], ...logs(GRID.eta) },
-  {
-    kind: "switch",
-    name: "folds",
-    label: "fit folds, too",
-    also: (on) => (on ? foldsOf(problems) : {}),
-    when: (state) => foldsOf(problems, state),
-  },
-  { kind: "linear", name: "wipe", label: "wipe: A left, B right", min: 0, max: 1, step: 0.01, when: (state) => state.kept },
-  {
-    kind: "names",
-    name: "held",
-    label: "Sulci and mm off; press to hold out (blue): ",
-    also: { folds: false },
-    options: curveNames,
-  },
-  {
-    kind: "choice",
-    name: "shade",
-    label: "colour",
-    options: [
-      ["mu", "|μ|"],
-      ["areas", "change of areas"],
-      ["none", "neither"],
-    ],
-  },
-  {
-    kind: "choice",
-    name: "problem",
-    label: "problem",
-    also: wait,
+    ...problemChoice,
     options: () => Object.entries(problems ?? {}).map(([name, { label }]) => [name, label]),
     when: () => Object.keys(problems ?? {}).length !== 1,
   },
-  ...[
-    { kind: "switch", name: "before", label: "where the best Möbius map alone takes the sulci (green)" },
-    { kind: "linear", name: "unfold", label: "unfolded, 0 to 1", min: 0, max: 1, step: 0.05 },
-    { kind: "linear", name: "turn", label: "turn of the surface in degrees", min: -180, max: 180, step: 5 },
-    { kind: "linear", name: "tilt", label: "tilt of the surface in degrees", min: -90, max: 90, step: 5 },
-    { kind: "linear", name: "zoom", label: "zoom", min: 0.5, max: 4, step: 0.1 },
-    {
-      kind: "choice",
-      name: "landmarks",
-      label: "landmarks",
-      options: [
-        ["points", "points"],
-        ["sliding", "sliding along their curves"],
-      ],
-    },
-    { kind: "log", name: "lambda", label: "λ (lambda), springs of the harmonic map", min: -1, max: 5, step: 0.1 },
-    { kind: "choice", name: "solver", label: "map shown", options: Object.entries(SOLVERS) },
-    {
-      kind: "choice",
-      name: "looks",
-      label: "refining steps of CP-Net",
-      options: ["0", "1", "2"].map((count) => [count, count]),
-    },
-    {
-      kind: "choice",
-      name: "mesh",
-      label: "mesh",
-      options: [
-        ["coarser", "24 x 72"],
-        ["finer", "finer: 32 x 96"],
-      ],
-    },
-  ].map(rare),
+  ...rare.map((one) => ({ ...one, rare: true })),
 ];
 
 export default {

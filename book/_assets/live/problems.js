@@ -34,13 +34,13 @@ export const nameOf = ({ names }, label) => names?.[label] ?? `curve ${label + 1
 // what the worker's tuner is asked: what is held out is not
 export function requestOf(state) {
   const { moving, target, curve } = problemOf(state),
-    { alpha, beta, gamma, lambda = 0, looks = 0 } = state,
+    { alpha, beta, gamma, looks = 0 } = state,
     fitted = (_, m) => !state.held.includes(curve[m]),
     sliding = state.landmarks === "sliding",
     mesh = state.mesh === "finer" ? FINE : COARSE;
   if (!curve.some(fitted)) throw new Error("all curves are held out; leave one to be fitted");
   const points = { moving: moving.filter(fitted), target: target.filter(fitted), curve: curve.filter(fitted) };
-  return { ...points, alpha, beta, gamma, lambda, looks: Number(looks), sliding, mesh };
+  return { ...points, alpha, beta, gamma, looks: Number(looks), sliding, mesh };
 }
 
 export const CORTICES = [

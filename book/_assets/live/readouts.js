@@ -2,7 +2,7 @@
 import { meshOf } from "./mesh.js";
 import { off, short } from "./words.js";
 
-export const SOLVERS = { exact: "reference fit", network: "CP-Net", harmonic: "harmonic map" };
+export const SOLVERS = { exact: "reference fit", network: "CP-Net" };
 const TERMS = { L_mu: ["L_μ", "alpha", "α"], L_grad_mu: ["L_∇μ", "beta", "β"], L_Landmark: ["L_Landmark", "gamma", "γ"] };
 export const isThere = (one) => one && !one.missing;
 

@@ -1,7 +1,6 @@
 // The worker's side of all landmark problems: maps of one landmark problem by several solvers, measured alike, and the trade-off.
 import { fitCoarse, fitLandmarks } from "./fit.js";
-import { Harmonic } from "./harmonic.js";
-import { checkWeights, Problem } from "./landmarks.js";
+import { Problem } from "./landmarks.js";
 import { onCircle, DiskMap } from "./map.js";
 import { measure } from "./measures.js";
 import { sample } from "./mesh.js";
@@ -11,31 +10,23 @@ import { unfold } from "./repair.js";
 import { networkOf } from "./unet.js";
 
 const COARSE_SHARE = 2; // the coarse mesh has half as many rings
-const SWEEP = [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6]; // gamma / alpha of the trade-off curve
+const SWEEP = [1, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6]; // gamma / alpha of the trade-off curve
 
 const pairOfMeshes = (bench, [rings, spokes]) => ({
   coarse: bench.mesh(rings / COARSE_SHARE, spokes / COARSE_SHARE),
   fine: bench.mesh(rings, spokes),
 });
 
-// request: moving, target, curve, sliding, alpha, beta, gamma, mesh [rings, spokes], lambda, solver
+// request: moving, target, curve, sliding, alpha, beta, gamma, mesh [rings, spokes]; part: which map, or the trade-off
 export async function solve(bench, request, part, stale) {
   const meshes = pairOfMeshes(bench, request.mesh);
   if (part === "sweep") return sweep(meshes, request, stale);
   if (part === "error") return fitLandmarks(meshes, request).landmarkError;
   if (part === "coarse") return { exact: exact(meshes, request, true) };
   if (part === "map" || part === "kept") return { exact: exact(meshes, request) };
-  if (part === "others") return others(bench, meshes.fine, request, stale);
-  return { exact: exact(meshes, request), ...(await others(bench, meshes.fine, request)) };
-}
-
-// the harmonic map and CP-Net's; null as soon as they are out of date
-async function others(bench, mesh, request, stale = () => false) {
   if (await stale()) return null;
-  const harmonic = springs(mesh, request);
-  if (await stale()) return null;
-  const network = await pass(bench, mesh, request, stale);
-  return network && { harmonic, network };
+  const network = await pass(bench, meshes.fine, request, stale);
+  return network && { network };
 }
 
 function exact(meshes, request, quick = false) {
@@ -50,20 +41,6 @@ function exact(meshes, request, quick = false) {
     steps: [coarseSteps, steps],
     ms,
   };
-}
-
-let springsOf = { key: "" }; // the last problem's, since lambda alone costs nothing then
-
-function springs(mesh, request) {
-  const begin = performance.now(),
-    key = JSON.stringify([request.moving, request.target, request.mesh]);
-  checkWeights(request);
-  if (springsOf.key !== key)
-    springsOf = { key, harmonic: new Harmonic(mesh, new Problem({ ...request, sliding: false })) };
-  const { problem, places } = springsOf.harmonic,
-    w = springsOf.harmonic.map(request.lambda),
-    ms = performance.now() - begin;
-  return { ...shown(mesh, w, { problem, places, weights: request }), ms };
 }
 
 // CP-Net's coefficient, the exact map that has it on this mesh, and the best Möbius map after it; or why there is none;
