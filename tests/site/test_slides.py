@@ -8,7 +8,7 @@ from view import NARROW, View, axe_findings
 
 from book.builder.execute_pages import notebooks
 
-# What is wrong with a slide of 1280 x 720, each with its number. A picture is large if it is half as high as its slide.
+# What is wrong with a slide of 1280 x 720, each with its number. A picture is large from 280 pixels on.
 FAULTS = """async () => {
   const found = [], drawn = () => new Promise(requestAnimationFrame);
   for (Reveal.slide(0); ; Reveal.next()) {
@@ -25,7 +25,7 @@ FAULTS = """async () => {
     for (const e of slide.querySelectorAll("img")) if (!e.complete || !e.naturalWidth) say("not loaded", e);
     const [picture, ...more] = slide.querySelectorAll("img, .qc-live");
     const main = picture?.querySelector("canvas") ?? picture;
-    if (more.length || !main || main.getBoundingClientRect().height < 360) say("no large picture", picture ?? slide);
+    if (more.length || !main || main.getBoundingClientRect().height < 280) say("no large picture", picture ?? slide);
     const fragments = Reveal.availableFragments();
     if (Reveal.isLastSlide() && !fragments.next) return found;
   }
