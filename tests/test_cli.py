@@ -294,7 +294,7 @@ def test_bars_of_progress_are_silent_where_stderr_is_no_terminal():
     texts = [text for path in files if "tqdm(" in (text := path.read_text(encoding="utf-8"))]
     nodes = [node for text in texts for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call)]
     calls = [call for node in nodes if (call := ast.unparse(node)).startswith("tqdm(")]
-    assert len(calls) == 8 and [call for call in calls if not re.search(r"disable=([^,]* or )?None\b", call)] == []
+    assert len(calls) == 9 and [call for call in calls if not re.search(r"disable=([^,]* or )?None\b", call)] == []
 
 
 @pytest.mark.parametrize("word", ["", " ", "--help"])

@@ -28,7 +28,7 @@ class SquareMaps:
         )
         self.pixels = torch.from_numpy(row * size + column)  # of each face's centroid
         face, weights = disk.locate(square_disk(size)[0])
-        self.corners, self.weights = torch.from_numpy(disk.faces[face]), torch.from_numpy(weights)
+        self.corners, self.weights = torch.from_numpy(disk.faces[face]), torch.tensor(weights)
 
     def __call__(self, mu, *stopping):
         """The maps f with f(0) = 0 and f(1) = 1; stopping: the solver's (tolerance, limit)."""

@@ -84,7 +84,7 @@ def check_faces(faces, n_vertices, error=BeltramiError):
     SurfaceError for the faces of a surface."""
     faces = unmasked(faces, "faces", error)
     if faces.ndim != 2 or faces.shape[1] != 3:
-        raise error(f"faces must have the shape (F, 3), not {faces.shape}; split polygons")
+        raise error(f"faces must be triangles (F, 3), not {faces.shape}; split polygons")
     if faces.dtype.kind not in "iu":
         raise error(f"faces must be integers, not {faces.dtype}; give faces.astype(int)")
     if not len(faces):

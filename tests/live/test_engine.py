@@ -46,7 +46,7 @@ def settings():
         problem = replace(examples[k % 3], sliding=k >= 12)
         alpha, beta, gamma = (float(10 ** rng.uniform(low, high)) for low, high in ((-1, 1), (-3, 0), (2, 6)))
         made.append(request(problem, alpha, beta, gamma))
-    return [*made, scattered(1041), scattered(1045)]
+    return [*made, scattered(1043), scattered(1045)]
 
 
 SOME = [2, 9, 13, 18]  # of `settings`: points, sliding, and one that switches rows
@@ -94,9 +94,9 @@ def test_converged_fits_are_the_librarys(asked, converged):
         assert found["switched"] == state.switched
         assert found["switched"] or found["left"] < CONVERGED
         switched.append(state.switched)
-        assert abs(numbers(found["f"]) - state.f).max() < (1e-4 if state.switched else 1e-5)
+        assert abs(numbers(found["f"]) - state.f).max() < 1e-5
         loss = report_fit(objective, state, ()).losses["L_CP"]
-        assert abs(found["losses"]["L_CP"] / loss - 1) < (1e-4 if state.switched else 1e-6)
+        assert abs(found["losses"]["L_CP"] / loss - 1) < 1e-6
         assert found["flipped"] == FINE_MESH.at(state.f).maybe_flipped.tolist()
     assert any(switched)
 
