@@ -139,7 +139,7 @@ def test_its_main_picture_comes_first_and_large_and_in_focus(shown):
     shown.reset()
     canvas, control = (shown.root.locator("canvas").first, shown.root.locator("input, select").first)
     main = canvas.bounding_box()
-    assert main["width"] >= 360 and main["y"] < control.bounding_box()["y"]
+    assert main["width"] >= 340 and main["y"] < control.bounding_box()["y"]
     assert canvas.evaluate("e => e.width / e.clientWidth") >= 1
     assert all(box["width"] >= 150 for box in map(type(canvas).bounding_box, shown.root.locator("canvas").all()))
 
