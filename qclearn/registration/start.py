@@ -38,7 +38,7 @@ ROUND = 20.0
 TURNS = (32, 16, 8, 4, 2)
 CELLS = 48
 APART = 0.15  # mean distance in the disk of two starts that are tried both
-NEAR = float(__import__("os").environ.get("NEAR", "0.01"))
+NEAR = 0.01  # the same of two guided fits, about 1 mm, up to which the later one is left out
 # The least 1 - |a| of the Möbius map (a, theta) that aligns a disk with its area centred: what lay in
 # the middle shrinks to (1 - |a|^2)^2 of its area. 0.45 to 1 by right curves, one to all, ends or
 # whole, of eight people, fsaverage5 and synthetic brains (20,904 choices), 0.40 to 1 by folds; less
@@ -322,12 +322,13 @@ def from_starts(multiresolution, levels, weights, features):
         )
 
     # The other shares guide from the same start; one that ends near an earlier one is left out.
-    guided = {usual: best}
+    guided, ends = {usual: best}, [best[0].moved(best[1])]
     for share in others:
         one = run(guiding, share, start)
-        end, ends = one[0].moved(one[1]), [fit[0].moved(fit[1]) for fit in guided.values()]
+        end = one[0].moved(one[1])
         if min(features.areas @ abs(end - known) for known in ends) > NEAR:
             guided[share] = one
+            ends.append(end)
     if len(guided) > 1:
         # They are judged by one objective, at the finest scale of a polar mesh.
         deciding = [level for level in rest if level.mesh == "nu"]
