@@ -8,7 +8,8 @@ import numpy as np
 from scipy import sparse
 
 from qclearn.plane.grids import FINE, polar
-from qclearn.plane.linear import around_vertices
+from qclearn.plane.linear import face_areas
+from qclearn.registration.features import log_density
 from qclearn.registration.problem import Problem, Weights
 
 from .examples import CORTICES, SUBJECTS, cortices, courses_problem, example_problems
@@ -108,8 +109,7 @@ def as_json(example, pair=None, again=None):
 def density_of(side):
     """log2 of the area in space per area of the disk, either as shares of the whole, at the vertices (V,)
     of a `ParameterizedSurface`."""
-    areas = [around_vertices(one, side.disk.faces) for one in (side.surface.face_areas, side.disk.areas)]
-    return np.log2(areas[0] / areas[0].sum()) - np.log2(areas[1] / areas[1].sum())
+    return log_density(side.surface.vertex_areas / side.surface.area, side.disk) / np.log(2)
 
 
 def as_moved(problem, state, mesh):
@@ -141,7 +141,5 @@ def unfolded(surface, rounds=UNFOLDING):
     x = surface.vertices
     for _ in range(rounds):
         x = (x + means @ x) / 2
-    middle = x.mean(0)
-    corners = x[surface.faces]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
+    middle, area = x.mean(0), face_areas(x, surface.faces).sum()
     return middle + (x - middle) * np.sqrt(surface.area / area)

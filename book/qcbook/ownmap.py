@@ -6,7 +6,7 @@ import numpy as np
 
 from qclearn.cli.registration import register
 from qclearn.io.mapfile import numbering_of_side
-from qclearn.plane.grids import COARSE, joined, polar
+from qclearn.plane.grids import COARSE, polar, thinned
 from qclearn.registration.curves import SIDES, check_curves
 from qclearn.registration.problem import DELTA, ETA, Problem
 from qclearn.reports.finished import ReportError, read_finished
@@ -72,13 +72,10 @@ class OwnMap:
     def drawn_control(self):
         """The control's `ParameterizedSurface`, on DRAWN of its vertices if it has more."""
         full = self.pair.control
-        surface, z = full.surface, full.disk.z
-        if len(z) <= DRAWN:
+        surface = full.surface
+        if len(surface.vertices) <= DRAWN:
             return full
-        shares = surface.vertex_areas / surface.vertex_areas.sum()
-        some = np.random.default_rng(0).choice(len(z), DRAWN, replace=False, p=shares)
-        some = np.union1d(some, surface.boundary)
-        disk = joined(z[some])
+        some, disk = thinned(full.disk, surface.vertex_areas / surface.area, DRAWN)
         return ParameterizedSurface(Surface(surface.vertices[some], disk.faces), disk)
 
 

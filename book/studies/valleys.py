@@ -13,6 +13,7 @@ from pathlib import Path
 from qclearn.benchmark.cortex import person
 from qclearn.benchmark.measured import RESULTS, write_measured
 from qclearn.io.provenance import provenance
+from qclearn.plane.disk import pairs
 from qclearn.registration.curves import check_curves, curves_of_both
 from qclearn.registration.features import FOLDS, check_features, featured
 from qclearn.registration.fit import fit_with_fallbacks
@@ -33,7 +34,7 @@ def main():
     curves = curves_of_both(moving.surface, control.surface)
     figures = {
         "pair": PAIR,
-        "targets": {curve["name"]: line(control.disk.z[curve["control"]]) for curve in curves},
+        "targets": {curve["name"]: pairs(control.disk.z[curve["control"]]).round(3).tolist() for curve in curves},
         "answers": [answer(moving, control, curves, names) for names in LED],
         "provenance": made,
     }
@@ -56,13 +57,8 @@ def answer(moving, control, curves, names):
         "objective": sum(terms.values()),
         "terms": terms,
         "held_out_mm": {name: after for name, (_, after) in distances.items()},
-        "lines": {curve["name"]: line(fit.f[curve["moving"]]) for curve in curves},
+        "lines": {curve["name"]: pairs(fit.f[curve["moving"]]).round(3).tolist() for curve in curves},
     }
-
-
-def line(z):
-    """Points of a disk as pairs of numbers."""
-    return [[round(float(point.real), 3), round(float(point.imag), 3)] for point in z]
 
 
 if __name__ == "__main__":

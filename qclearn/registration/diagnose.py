@@ -434,7 +434,10 @@ def disagreeing(features, f, fitted, walls=()):
     (V,), or hardly agree there nor after the fitted map (V,). walls: of `differing_walls`, the
     likely cause."""
     sign = "negate one side (FreeSurfer's curv is the negative of ours, its sulc is not)"
-    advice = "check that both show the same thing, smooth noise first, give a curve or two, or negate one side"
+    advice = (
+        "check that both show the same thing, smooth noise first, give a curve or two, or negate "
+        "one side"
+    )
     if walls:
         sign = advice = "probably because of the different walls; cut both by one rule first"
     r = dict(zip(features.names, features.correlation(f, SCALE)))

@@ -22,7 +22,9 @@ from .surface import Surface, SurfaceError, closing_fans, require_surface
 CLOSING_RADIUS, CLOSING_CELL = 0.05, 1 / 130
 POTENTIAL = 13 / 300  # length of the curvature's potential, in units of sqrt(area of the surface)
 KNOTS = 65  # of an `AreaRadius`
-TAIL = 0.02  # share of the area that is lighter or darker than an image shows
+# Share of the area that is lighter or darker than an image shows, and of the vertices whose
+# curvature the potential cuts.
+TAIL = 0.02
 
 
 def _once(function):

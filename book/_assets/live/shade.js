@@ -11,7 +11,6 @@ const [LESS, SAME, MORE] = [
   [178, 24, 43],
 ];
 const SCALES = { mu: [0.05, 0.1, 0.2, 0.5, 1], areas: [1, 2, 3] };
-export const FIELDS = { mu: "|μ|", areas: "log2 of the change of area" };
 
 // values (V) of a map's field: |mu|, or log2 of the factor of area, from surface to surface where there are some
 export function fieldOf(kind, { mesh: size, shown }, problem, surface) {
