@@ -12,7 +12,7 @@ judges second. Each kind is parted in two halves: one chooses, the other tells.
 The rule: of the settings whose landmarks end at most ALLOWED from their targets, whose figure on
 real problems (the geometric mean, mm) is within CLOSE of the least, and whose figure on the cohort
 is within COHORT of the least, the one that changes areas least (95 % of |log2 J|, mean over the
-real problems). The page 'Registration' reads the file.
+real problems); where none is, the default stays. The page 'Registration' reads the file.
 """
 
 import argparse
@@ -53,12 +53,15 @@ CLOSE, COHORT = 0.03, 0.05
 KEPT = ("held_out_mm", "correspondence_mm", "correspondence_sulci_mm", "landmark_error_mm", "p95_log2_area")
 # (beta, gamma, delta, eta) at alpha = 1, which sets the unit of the others, and whether inner
 # points slide.
+DEFAULT = (1e-2, 1e3, DELTA, ETA, False)
 FOLDED = (
     (1e-2, 1e3, DELTA_BY_DISKS, 0.0, False),
     (1e-2, 1e3, 1.0, 0.25, False),
     (1e-2, 1e3, 2.0, 1.0, False),
     (1e-2, 1e3, 2.5, 2.5, False),
-    (1e-2, 1e3, DELTA, ETA, False),
+    DEFAULT,
+    (1e-2, 1e3, DELTA, 4.5, False),
+    (1e-2, 1e3, DELTA, 6.0, False),
     (1e-2, 1e3, 4.0, 4.0, False),
     (5e-3, 1e3, 3.0, 3.0, False),
     (3e-3, 1e3, DELTA, ETA, False),
@@ -193,13 +196,13 @@ def judge(row):
 def chosen(table):
     """The row of the rule."""
     allowed = [row for row in table if row["delta"] and row["allowed"]]
-    near = [
-        row for row in allowed if row["real_chosen_mm"] <= (1 + CLOSE) * min(one["real_chosen_mm"] for one in allowed)
+    real, cohort = (min(row[f"{kind}_chosen_mm"] for row in allowed) for kind in ("real", "cohort"))
+    passing = [
+        row
+        for row in allowed
+        if row["real_chosen_mm"] <= (1 + CLOSE) * real and row["cohort_chosen_mm"] <= (1 + COHORT) * cohort
     ]
-    cohort = min(one["cohort_chosen_mm"] for one in allowed)
-    return min(
-        (row for row in near if row["cohort_chosen_mm"] <= (1 + COHORT) * cohort), key=lambda row: row["real_log2_area"]
-    )
+    return min(passing, key=lambda row: row["real_log2_area"]) if passing else table[FOLDED.index(DEFAULT)]
 
 
 def geometric(values):
