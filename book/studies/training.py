@@ -56,7 +56,6 @@ def runs():
     controls = {f"cpnet-paper-g1e5-{name}": cpnet(name, "1e5", CONTROL_STEPS) for name in ("exact", "paper", "best")}
     shipped = {f"cpnet-paper-g{gamma}": cpnet(WINNER, gamma) for gamma in ("1e5", "2e5")}
     shipped |= {"cpnet-paper-g1e4": cpnet(WINNER, "1e4", SOONER), "cpnet-paper-g1e4-long": cpnet(WINNER, "1e4")}
-    shipped["cpnet-paper-g1e5-whole"] = cpnet(WINNER, "1e5", loss="whole")
     return {**small, **solvers, **best, "ldnet-paper": Run("ldnet", {"preset": "paper"}), **controls, **shipped}
 
 
@@ -64,8 +63,8 @@ def dbsnet(loss, steps, **sizes):
     return Run("dbsnet", {"preset": "paper", "loss": loss} | sizes, None, steps)
 
 
-def cpnet(through, gamma, steps=None, **changes):
-    return Run("cpnet", {"preset": "paper", "through": through} | changes, float(gamma), steps)
+def cpnet(through, gamma, steps=None):
+    return Run("cpnet", {"preset": "paper", "through": through}, float(gamma), steps)
 
 
 def main():
