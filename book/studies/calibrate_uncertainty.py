@@ -43,6 +43,7 @@ SIZES = {
 FIRST, GENERATION, STEPS = ({"calibrate": 3001, "judge": 4001}, 4, (1, 3))  # seeds; a subject's partners are so far on
 CURVES = {"all": slice(None), "half": slice(0, None, 2), "two": slice(0, None, 5), "none": slice(0)}
 LEVELS = 0.5, 0.9, 0.95
+SHARES = np.arange(1, 20) / 20  # quantiles of distance over radius on a person's curves
 SHARE = 0.9  # of the pairs in which the guaranteed factor covers as asked
 WARPS = {9.0: "half", 12.0: "all"}  # mm -> curves
 USUAL = {"folds": Weights(delta=DELTA, eta=ETA), "landmarks": Weights()}
@@ -186,7 +187,8 @@ def on_warps(checkpoint, factors):
 
 def on_people(*paths):
     """The 90 % radius on the curves of one person's surface that is registered onto another's by
-    folds alone: how far the curves end off, mm, and how many of their vertices it holds."""
+    folds alone: how far the curves end off, mm, how many of their vertices it holds, and the
+    quantiles of distance over radius."""
     moving, control = map(person, paths)
     curves = curves_of_both(moving.surface, control.surface)
     found = qc.register(moving.surface, control.surface, [], uncertainty=True)
@@ -200,6 +202,7 @@ def on_people(*paths):
         "radius_mm": float(radius.mean()),
         "coverage": float((off <= radius).mean()),
         "ratio_90": float(np.quantile(off / radius, 0.9)),
+        "ratios": np.quantile(off / radius, SHARES).round(4).tolist(),
     }
 
 
