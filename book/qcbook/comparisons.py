@@ -133,11 +133,9 @@ def saving(chains, part):
     """The verdict, as text, on a saving of 90 % at one size of `chain_seconds`; part: of its sums.
 
     It holds if the networks' seconds are at most a tenth of those of the harmonic map at both
-    weights, by the faster of its two factorisations.
+    weights.
     """
-    limits = [
-        min(chains[f"harmonic {weight}{order}"][part] for order in ("", ", dissected")) / 10 for weight in ("0.1", "5")
-    ]
+    limits = [chains[f"harmonic {weight}"][part] / 10 for weight in ("0.1", "5")]
     at_smaller, at_larger = (chains["networks"][part] <= limit for limit in limits)
     if at_smaller and at_larger:
         return "holds"

@@ -6,9 +6,8 @@ split once and twice.
 CPU seconds of one thread, the least of the repetitions. All chains begin with the two disk maps and
 LD-Net's landmarks. Then come the paper's networks; in DBS-Net's place conjugate gradients on the
 polar mesh, stopped at an error no larger, and the exact solver; and the harmonic map at two
-weights, with the plain factorisation and with nested dissection. The paper's CP-Net knows its own
-control alone: it is given that control's landmarks, moved as far as fsaverage5's lie apart. All
-landmarks are vertices of fsaverage5, the same at each size.
+weights. The paper's CP-Net knows its own control alone: it is given that control's landmarks, moved
+as far as fsaverage5's lie apart. All landmarks are vertices of fsaverage5, the same at each size.
 
 Folds alone stand in a list of their own: `register` without landmarks, each pair in a process of
 its own, which reads the two surfaces. The synthetic ones are grown first where they are missing,
@@ -45,7 +44,6 @@ from qclearn.registration.problem import Problem, Weights
 from qclearn.surfaces.conformal import parameterize
 from qclearn.surfaces.surface import Surface, mirror
 
-from .elimination import elimination_order
 from .evaluation.dbsnet import displacement
 from .peers import measured
 
@@ -147,11 +145,7 @@ class Clock:
 
 
 NETWORKS, GRADIENTS, EXACT = "networks", "conjugate gradients", "exact solver"
-HARMONIC = {
-    f"harmonic {weight:g}{', dissected' * dissected}": (weight, dissected)
-    for weight in WEIGHTS
-    for dissected in (False, True)
-}
+HARMONIC = {f"harmonic {weight:g}": weight for weight in WEIGHTS}
 EVERY = NETWORKS, GRADIENTS, EXACT, *HARMONIC
 
 
@@ -178,7 +172,7 @@ def chains(surfaces, marks, clock):
     found[GRADIENTS] = chain(GRADIENTS, rival, clock) | {"steps": steps}
     found[EXACT] = exact(asked, predict, clock)
     problem = Problem(disk, moving, control, curve)
-    return found | {chain: harmonic(problem, chain, *how, clock) for chain, how in HARMONIC.items()}
+    return found | {chain: harmonic(problem, chain, weight, clock) for chain, weight in HARMONIC.items()}
 
 
 def fresh(problem):
@@ -216,24 +210,16 @@ def exact(problem, predict, clock):
     return figures(problem, found.f, found.f)
 
 
-def harmonic(problem, chain, weight, dissected, clock):
+def harmonic(problem, chain, weight, clock):
     """The harmonic map with soft landmarks, its overlap correction and the certificate."""
     problem, own = fresh(problem), [chain]
-    solver = clock(own, "harmonic map", prepared, problem, dissected)
+    solver = clock(own, "harmonic map", LandmarkSolver, problem)
     first = clock(own, "harmonic map", solver.solve, np.zeros(len(problem.disk.faces), complex), weight)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RepairWarning)
         last = clock(own, "correction", unfold, solver, first, np.exp(-np.sqrt(weight) / 4))
     clock(own, "certificate", problem.disk.certify, last)
     return figures(problem, first, last)
-
-
-def prepared(problem, dissected):
-    """The harmonic maps' solver with or without an order of elimination, whatever the size of the
-    mesh."""
-    solver, disk = LandmarkSolver(problem), problem.disk
-    solver.order = elimination_order(disk.laplace, disk.z, disk.loop) if dissected else None
-    return solver
 
 
 def figures(problem, first, last):

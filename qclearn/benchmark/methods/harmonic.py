@@ -50,8 +50,7 @@ def smoothed(solver, mu, weight):
     disk = solver.disk
     nodal = disk.to_vertices @ mu
     matrix = (1 + 1 / weight) * sparse.eye_array(len(nodal)) + (2 / weight) * disk.laplace
-    order = None if solver.order is None else np.append(solver.order, disk.loop)
-    problem = Dirichlet(matrix, [], order)
+    problem = Dirichlet(matrix, [])
     size = np.empty(len(nodal))
     size[problem.free] = problem.solve_free(abs(nodal[problem.free]))
     turned = np.divide(size, abs(nodal), out=np.zeros_like(size), where=nodal != 0) * nodal

@@ -22,7 +22,6 @@ class LandmarkSolver:
 
     def __init__(self, problem):
         self.disk, self.samples, self.target = problem.disk, problem.samples, problem.target
-        self.order = None  # of elimination: minimum degree
         boundary = mobius(self.disk.z[self.disk.loop], *problem.mobius)
         self.boundary = boundary / abs(boundary)
         self.normal = (self.samples.T @ self.samples).tocsc()
@@ -30,7 +29,7 @@ class LandmarkSolver:
     def solve(self, mu, weight=0.0):
         """The map f (V,) for mu (F,) and this weight of landmarks; BeltramiError for |mu| >= 1."""
         matrix = self.disk.stiffness(mu) + weight * self.normal
-        dirichlet = Dirichlet(matrix, self.disk.loop, self.order)
+        dirichlet = Dirichlet(matrix, self.disk.loop)
         load = weight * (self.samples.T @ self.target)[dirichlet.free]
         f = np.empty(len(self.disk.z), complex)
         f[self.disk.loop] = self.boundary
