@@ -7,17 +7,15 @@ held out, as in `qclearn demo`. The map of each setting lies on the tuner's mesh
 align. The browser takes a map linear between four of the grid, and certifies what it shows.
 """
 
-import json
 import warnings
 
 from tqdm import tqdm
 
 from qcbook import Tuner
 from qcbook.examples import cortices
-from qcbook.explore_tuner import FOLD_GRID
 from qclearn import demo_landmarks
+from qclearn.benchmark.measured import RESULTS, write_measured
 from qclearn.io.provenance import provenance
-from qclearn.io.safe import write_whole
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.disk import pairs
 from qclearn.plane.grids import COARSE, polar
@@ -52,7 +50,7 @@ def main():
     held = [pair.names[label] for label in labels]
     maps = grid(pair, curves, held, polar(*COARSE), **{f"{name}s": nodes for name, nodes in Tuner.grid.items()})
     figures = {"weights": USUAL, "held": labels, **Tuner.grid, "maps": maps, "provenance": provenance()}
-    write_whole(FOLD_GRID, lambda place: place.write_text(json.dumps(figures) + "\n", encoding="utf-8"))
+    write_measured("foldgrid", RESULTS / "foldgrid.json", figures)
 
 
 if __name__ == "__main__":

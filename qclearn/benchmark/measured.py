@@ -15,6 +15,7 @@ RESULTS = Path(__file__).with_name("results")
 OWN = "benchmark", "peers", "people"  # files that the benchmark itself writes
 WRITERS = {  # of the files in RESULTS
     "benchmark": "qclearn benchmark",
+    "foldgrid": "book/studies/fold_grid.py",
     "networks": "book/studies/evaluate_networks.py",
     "peers": "book/studies/peers.py",
     "people": "book/studies/peers.py",
@@ -25,7 +26,7 @@ WRITERS = {  # of the files in RESULTS
     "weights": "book/studies/choose_weights.py",
 }
 # Files with a line per entry, and the list in a file that has a line per entry.
-DENSE = "training", "valleys"
+DENSE = "training", "valleys", "foldgrid"
 LISTED = dict.fromkeys((*OWN, "sizes"), "rows") | {"suspect": "cases"}
 
 
