@@ -49,6 +49,14 @@ def test_two_cuts_of_one_brain_find_each_other(wide):
     assert np.median(off) < 1.0 and off.mean() < 2.0
 
 
+def test_a_patch_of_a_hemisphere_is_told_of_its_walls_before_its_hand():
+    """The occipital fifth: folds of so different surfaces may fit a mirrored one better by chance."""
+    y = WHOLE.vertices[:, 1]
+    patch, _ = open_surface(WHOLE, y > np.quantile(y, 0.2))
+    report = qc.register(patch, LEFT, []).report
+    assert report["bijective"] and report["suspect"][0].startswith("walls: ")
+
+
 def test_walls_cut_by_different_rules_are_told(wide):
     """Whose gap is larger, on the side that has it; not where folds alone make the area larger."""
     narrow = fsaverage5("left", wall="thickness")
