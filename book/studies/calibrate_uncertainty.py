@@ -130,8 +130,9 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--people", type=Path, required=True, metavar="FOLDER", help="NAME.npz with curves")
     folder = parser.parse_args().people
+    made = commit()  # before the file that it writes makes the tree another
     settings = {
-        "commit": commit(),
+        "commit": made,
         "generation": GENERATION,
         "weights": {kind: vars(weights) for kind, weights in USUAL.items()},
     }
@@ -145,7 +146,7 @@ def main():
         found.setdefault((kind, part), []).append(one)
         words.setdefault((kind, part), []).append({"seeds": seeds, "vertices": sizes, "curves": setting})
         print(name, flush=True)
-    result = {"commit": commit(), "generation": GENERATION, "weights": {k: vars(w) for k, w in USUAL.items()}}
+    result = {"commit": made, "generation": GENERATION, "weights": {k: vars(w) for k, w in USUAL.items()}}
     for kind in USUAL:
         factors, guaranteed = factors_of(found[kind, "calibrate"])
         pairs = {
@@ -163,7 +164,7 @@ def main():
     factors = result["folds"]["factors"]
     keep(result)  # what follows asks for radii at weights that the file before may refuse
     result |= {"warps": on_warps(checkpoint, factors), "curves": on_curves(checkpoint, factors)}
-    result |= {"ends": at_ends(checkpoint, factors), "next": on_next(checkpoint)}
+    result |= {"ends": at_ends(checkpoint, factors), "next": {"commit": made, "pairs": on_next(checkpoint)}}
     result["people"] = [
         checkpoint.json(f"people-{a.stem}-{b.stem}.json", partial(on_people, a, b))
         for a, b in permutations(sorted(folder.glob("*.npz")), 2)
@@ -247,7 +248,7 @@ def on_next(checkpoint):
         one = checkpoint.arrays(f"next-{seeds[0]}-{seeds[1]}.npz", partial(with_third, seeds, sizes, draw))
         said = {name: one[name].tolist() for name in ("before_mm", "told_mm", "random_mm", "mean_mm")}
         rows.append({"seeds": seeds, "told": str(one["told"]), "random": str(one["random"])} | said)
-    return {"commit": commit(), "pairs": rows}
+    return rows
 
 
 def with_third(seeds, sizes, draw):
