@@ -88,9 +88,8 @@ MISTAKES = {
     ),
     "inner rows alone": (
         ("R[loop] += 0.5j * along", "R[loop] = 0"),
-        "The boundary rows are set to 0, so that any placement of the boundary would do. That is "
-        "the second column of"
-        " the page's table of six maps",
+        "The boundary rows are set to 0, so that any placement of the boundary would do: the inner "
+        "rows vanish for each",
     ),
     "one neighbour": (
         ("np.roll(f[loop], -1) - np.roll(f[loop], 1)", "np.roll(f[loop], -1) - f[loop]"),
