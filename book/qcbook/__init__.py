@@ -7,7 +7,7 @@ EXPLORABLES = ("Mobius", "Mu", "Tuner", "Landmarks", "LBS", "Boundary", "Growth"
 TABLE = {
     "cells": "keep num show_figure slide table",
     "comparisons": "among_people chain_seconds compare_fronts compare_runs median_pair methods_and_oracles "
-    "noted saving",
+    "networks_save noted saving",
     "diagrams": "block_diagram",
     "dots": "dot_lines plain_ticks run_dots setting",
     "examples": "cortex_problem example_problems spread_vertices",

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from qcbook import comparisons
-from qclearn.benchmark import BenchmarkError
+from qclearn.benchmark import BenchmarkError, read_measured
 
 
 def row(pair="a", run="one", **figures):
@@ -88,3 +88,27 @@ def test_pairs_that_miss_a_figure_are_left_out():
     rng = np.random.default_rng(0)
     assert comparisons.paired_difference([1, 2, np.nan], [0, np.nan, 5], rng) == (1, 1, 1)
     assert np.isnan(comparisons.paired_difference([np.nan], [1], rng)).all()
+
+
+@pytest.mark.parametrize(
+    "network, rivals, words",
+    [
+        (2.0, {"exact solver": 4}, "save 50% of"),
+        (2.0, {"exact solver": 4, "conjugate gradients": 2.02}, "save nothing of"),
+        (2.2, {"exact solver": 4, "conjugate gradients": 2}, "add 10% to"),
+    ],
+)
+def test_the_networks_save_what_the_faster_rival_leaves(network, rivals, words):
+    chains = {"networks": network, **rivals}
+    rows = [
+        {"vertices": vertices, "chain": chain, "stage": "landmarks", "seconds": took}
+        for vertices in (7, 8, 9)
+        for chain, took in chains.items()
+    ]
+    assert f"the networks {words} the whole pipeline" in comparisons.networks_save(rows)
+
+
+def test_the_readme_says_less_than_half():
+    chains = comparisons.chain_seconds(read_measured("sizes")["rows"])["largest"]
+    own = [chains[rival]["whole"] for rival in comparisons.RIVALS if rival in chains]
+    assert chains["networks"]["whole"] > min(own) / 2
