@@ -6,7 +6,7 @@ from qclearn.interrupts import attach
 EXPLORABLES = ("Mobius", "Mu", "Tuner", "Landmarks", "LBS", "Boundary", "Growth", "HowSure")
 TABLE = {
     "cells": "keep num show_figure slide table",
-    "comparisons": "among_people chain_seconds compare_fronts compare_runs median_pair methods_and_oracles "
+    "comparisons": "among_people chain_seconds compare_fronts compare_runs doubtful_curves homologous networks_save "
     "noted saving",
     "diagrams": "block_diagram",
     "dots": "dot_lines plain_ticks run_dots setting",
@@ -18,7 +18,7 @@ TABLE = {
     "picker": "LandmarkPicker",
     "paperlines": "paper_lines paper_table",
     "traininglab": "training_lab",
-    "verdicts": "FACTOR compared judge_all judge_bound judge_order judge_ratio judge_size side",
+    "verdicts": "FACTOR compared judge_ratio side",
 }
 
 __getattr__, __dir__, __all__ = attach(__name__, TABLE)

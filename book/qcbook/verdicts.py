@@ -1,11 +1,8 @@
 """Verdicts: how pages judge a printed claim. A rule tests the direction of the claim and its size.
 
-`judge_ratio` is for a quotient of two methods' figures, `judge_size` for a figure with a unit,
-`judge_order` for figures that should rise or fall, `judge_bound` for 'more than', `judge_all` for
-'all'. `side` reads an interval, and `compared` two figures of one study.
+`judge_ratio` is for a quotient of two methods' figures. `side` reads an interval, and `compared`
+two figures of one study.
 """
-
-from itertools import pairwise
 
 FACTOR = 3 / 2  # two figures from different studies are of one size within it, either way
 MARGIN = 0.05  # two figures of one study are level within this share
@@ -29,36 +26,6 @@ def judge_ratio(printed, here, low=None, high=None):
     if ours != side(printed, printed, of=1):
         return "turned round"
     return "agrees" if of_one_size(here, printed) else "agrees in direction only"
-
-
-def judge_size(printed, here):
-    """The verdict on a printed figure with a unit: "agrees" within `FACTOR`, else by how much not."""
-    if of_one_size(here, printed):
-        return "agrees"
-    if here < printed:
-        return f"{printed / here:.0f} times smaller"
-    return f"{here / printed:.0f} times larger"
-
-
-def judge_order(values, rising):
-    """The verdict on an order: "agrees" where the values rise or, without `rising`, fall."""
-    steps = [later - earlier for earlier, later in pairwise(values)]
-    return holds(all(step > 0 if rising else step < 0 for step in steps))
-
-
-def judge_bound(least, here):
-    """The verdict on a claim of 'more than': "agrees" where ours is above the printed bound, too."""
-    return holds(here > least)
-
-
-def judge_all(count, total):
-    """The verdict on a claim of 'all': "agrees" where none is missing."""
-    return holds(count == total > 0)
-
-
-def holds(fact):
-    """The verdict on a claim that is either so or not."""
-    return "agrees" if fact else "does not hold"
 
 
 def side(low, high, of=0.0):

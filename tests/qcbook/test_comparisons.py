@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from qcbook import comparisons
-from qclearn.benchmark import BenchmarkError
+from qclearn.benchmark import read_measured
 
 
 def row(pair="a", run="one", **figures):
@@ -57,17 +57,12 @@ def test_runs_are_compared_on_the_pairs_that_both_have():
     assert comparisons.compare_runs(rows, "one", "two", "landmark_error", np.random.default_rng(0)) == (2, 2, 2)
 
 
-def test_oracles_stand_apart():
-    truth = row("a", "oracle", landmark_error=0.1) | {"landmarks": "exact"}
-    method = row("a", landmark_error=0.1) | {"landmarks": "path"}
-    assert comparisons.methods_and_oracles([truth, method]) == ([method], [truth])
-
-
-def test_the_median_pair_is_shown():
-    rows = [row(pair, landmark_error=error) for pair, error in zip("abcd", (0.4, 0.1, 0.3, 0.2))]
-    assert comparisons.median_pair(rows, "one") == "d" and comparisons.median_pair(rows[:3], "one") == "c"
-    with pytest.raises(BenchmarkError, match="no pair has a landmark error of the run 'two'"):
-        comparisons.median_pair(rows, "two")
+def test_a_doubtful_curve_counts_on_neither_side():
+    held = {"STS": 9.0, "CS": 1.0, "POC": 2.0}
+    rows = [row(f"{pair}, first half", held_out=held) for pair in ("CIV to ETI", "ETI to CIV", "CHO to FS5")]
+    rows.append(row("FS5 to CIV, first half", held_out={"STS": 9.0}))
+    assert ("CIV", "STS") in comparisons.doubtful_curves()
+    assert [one["held_out_mm"] for one in comparisons.homologous(rows)] == [1.5, 1.5, 4.0]
 
 
 def test_notes_are_counted_by_their_words():
@@ -88,3 +83,27 @@ def test_pairs_that_miss_a_figure_are_left_out():
     rng = np.random.default_rng(0)
     assert comparisons.paired_difference([1, 2, np.nan], [0, np.nan, 5], rng) == (1, 1, 1)
     assert np.isnan(comparisons.paired_difference([np.nan], [1], rng)).all()
+
+
+@pytest.mark.parametrize(
+    "network, rivals, words",
+    [
+        (2.0, {"exact solver": 4}, "save 50% of"),
+        (2.0, {"exact solver": 4, "conjugate gradients": 2.02}, "save nothing of"),
+        (2.2, {"exact solver": 4, "conjugate gradients": 2}, "add 10% to"),
+    ],
+)
+def test_the_networks_save_what_the_faster_rival_leaves(network, rivals, words):
+    chains = {"networks": network, **rivals}
+    rows = [
+        {"vertices": vertices, "chain": chain, "stage": "landmarks", "seconds": took}
+        for vertices in (7, 8, 9)
+        for chain, took in chains.items()
+    ]
+    assert f"the networks {words} the whole pipeline" in comparisons.networks_save(rows)
+
+
+def test_the_readme_says_less_than_half():
+    chains = comparisons.chain_seconds(read_measured("sizes")["rows"])["largest"]
+    own = [chains[rival]["whole"] for rival in comparisons.RIVALS if rival in chains]
+    assert chains["networks"]["whole"] > min(own) / 2
