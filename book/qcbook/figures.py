@@ -94,3 +94,18 @@ def area_under_pixels(surface, z, radius, size=128):
 def resolved_share(pixel_areas, largest=25.0):
     """Share of the area that lies under pixels which cover at most `largest` (25 mm^2) each."""
     return float(pixel_areas[pixel_areas <= largest].sum() / pixel_areas.sum())
+
+
+def numbers_plot(ax, curves):
+    """Number complex curves of the disk from 1, beside the middle of each; see `sulci_in_words`."""
+    box = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "edgecolor": "0.3", "linewidth": 0.6}
+    for number, curve in enumerate(curves, 1):
+        middle, along = curve[len(curve) // 2], curve[-1] - curve[0]
+        aside = 0.08j * along / abs(along)
+        place = min(middle + aside, middle - aside, key=abs)  # the side away from the rim
+        ax.text(place.real, place.imag, str(number), fontsize=7, ha="center", va="center", zorder=7, bbox=box)
+
+
+def sulci_in_words(names):
+    """The names for a caption, with the numbers of `numbers_plot`."""
+    return ", ".join(f"{number} {name}" for number, name in enumerate(names, 1))
