@@ -79,10 +79,11 @@ def registration_disks(axes, registration, moving):
 
 
 def number_curves(ax, curves):
-    """Write the number of each complex curve, from 1, at its middle."""
+    """Write the number of each complex curve, from 1, beside its middle."""
+    place = {"textcoords": "offset points", "xytext": (11, 8), "zorder": 9}
     for number, curve in enumerate(curves, 1):
         middle = curve[len(curve) // 2]
-        ax.text(middle.real, middle.imag, str(number), **NUMBER)
+        ax.annotate(str(number), (middle.real, middle.imag), **place, **NUMBER | {"fontsize": 7})
 
 
 def hemisphere_plot(ax, shape, values, disk, curves=(), side=-1, color="#F0E442", **colours):
