@@ -1,5 +1,5 @@
-"""Figures of the pages: deformed grids, fields of ellipses, a registration on four disks, pixels,
-pictures with their descriptions."""
+"""Figures of the pages: deformed grids, fields of ellipses, a registration on four disks, hemispheres
+with numbered sulci, pixels, pictures with their descriptions."""
 
 import base64
 import html
@@ -16,6 +16,7 @@ with signals_wait():
     from matplotlib.collections import EllipseCollection
 
 FLIPPED_COLOUR = "#CC79A7"
+NUMBER = {"fontsize": 9, "ha": "center", "va": "center", "bbox": {"boxstyle": "circle,pad=0.15", "fc": "white"}}
 
 
 def square_lines(lines=17, samples=181):
@@ -68,12 +69,44 @@ def registration_disks(axes, registration, moving):
         disk_plot(ax, z, moving.faces, curvature, cmap="gray", vmin=-80, vmax=335)
         curves_plot(ax, registered, "registered")
         curves_plot(ax, [radius.to_image(curve) for curve in targets], "target")
+        number_curves(ax, [radius.to_image(curve) for curve in targets])
         ax.set_title(title)
     mapped_legend(axes[0])
     lines_plot(disk_axes(axes[2]), mapped[len(curves) :], "#1F4E79")
     axes[2].set_title("polar grid after the map")
     axes[3].set_title(r"$|\mu|$")
     return disk_plot(axes[3], before, moving.faces, abs(r.mu), vmin=0, vmax=0.6)
+
+
+def number_curves(ax, curves):
+    """Write the number of each complex curve, from 1, beside its middle."""
+    place = {"textcoords": "offset points", "xytext": (11, 8), "zorder": 9}
+    for number, curve in enumerate(curves, 1):
+        middle = curve[len(curve) // 2]
+        ax.annotate(str(number), (middle.real, middle.imag), **place, **NUMBER | {"fontsize": 7})
+
+
+def hemisphere_plot(ax, shape, values, disk, curves=(), side=-1, color="#F0E442", **colours):
+    """Draw one side of `shape`, a left hemisphere inflated, coloured by values (V,), with those of the
+    curves in its `disk` that lie there, numbered from 1.
+
+    side: -1 from outside (the front is on the left), 1 from inside. Returns the coloured artist.
+    """
+    corners = shape.vertices[shape.faces]
+    outward = side * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 0]
+    seen = np.flatnonzero(outward > 0)
+    faces = shape.faces[seen[np.argsort(side * corners[seen, :, 0].mean(1))]]  # the nearest last
+    x, y = side * shape.vertices[:, 1], shape.vertices[:, 2]
+    artist = ax.tripcolor(x, y, faces, values[faces].mean(1), rasterized=True, **colours)
+    for number, curve in enumerate(curves, 1):
+        place = disk.locate(curve)
+        if outward[place[0]].mean() > 0:
+            _, x, y = (disk.interpolate(shape.vertices, place) * [1, side, 1]).T
+            ax.plot(x, y, color=color, linewidth=2.5)
+            ax.text(x[len(x) // 2], y[len(y) // 2], str(number), **NUMBER)
+    ax.set_aspect("equal")
+    ax.axis("off")
+    return artist
 
 
 def picture_html(png, description, attributes=""):
