@@ -3,8 +3,8 @@ import numpy as np
 TITLE = "How far a detected sulcus is off"
 PAGE, MINUTES, POINTS = "ldnet", 20, 3
 TASK = r"""
-A detector is judged by the distance between its curve and the true one, the last lines of the section *The shipped
-weights on a held-out subject*. Write that distance. Two curves are given as polygons in space, $(n, 3)$ and
+A detector is judged by the distance between its curve and the true one, as in the section *Accuracy on held-out
+subjects*. Write that distance. Two curves are given as polygons in space, $(n, 3)$ and
 $(m, 3)$, in mm; their corners may crowd anywhere, and they need not begin at the same end. Return one number in mm:
 the mean distance from the points of either curve to the nearest point of the other, averaged over both directions.
 The points of the two are not pooled: each direction has its own mean, and both count alike.
