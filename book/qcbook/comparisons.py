@@ -19,8 +19,8 @@ def among_people(rows):
 
 
 def doubtful_curves():
-    """The (brain, curve) whose homology is in doubt, by book/studies/people_labels.toml."""
-    labels = Path(__file__).parents[1] / "studies" / "people_labels.toml"
+    """The (brain, curve) whose homology is in doubt, by people_labels.toml."""
+    labels = Path(__file__).with_name("people_labels.toml")
     return {(one["brain"], one["curve"]) for one in tomllib.loads(labels.read_text(encoding="utf-8"))["doubtful"]}
 
 
