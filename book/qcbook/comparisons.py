@@ -151,11 +151,11 @@ def networks_save(rows):
     """What the networks save of the whole pipeline at the largest size of sizes.json: one sentence.
 
     Their rival has in DBS-Net's place the exact solver, or conjugate gradients stopped at an error
-    no larger where they were measured: the faster one.
+    no larger: the faster one.
     """
     chains = chain_seconds(rows)["largest"]
     network = chains["networks"]["whole"]
-    own = {name: chains[name]["whole"] for name in RIVALS if name in chains}
+    own = {name: chains[name]["whole"] for name in RIVALS}
     rival = min(own, key=own.get)
     share = 1 - network / own[rival]
     words = {"below": f"save {share:.0%} of", "level": "save nothing of", "above": f"add {-share:.0%} to"}
