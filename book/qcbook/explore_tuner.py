@@ -20,7 +20,7 @@ from qclearn.surfaces.surface import Surface
 
 from .examples import CORTICES, cortices
 from .live import Live, as_pairs
-from .livefiles import cpnet_file, hemisphere_file
+from .livefiles import cpnet_file, hemisphere_file, packed
 from .liveproblems import LINE, START, as_json, as_moved, density_of, example, problems_file, unfolded, weights_of
 
 FOLD_GRID = RESULTS / "foldgrid.json"  # of book/studies/fold_grid.py; without it there are no sliders of delta and eta
@@ -76,7 +76,7 @@ class Tuner(Live):
         kept = "landmarks", "mesh", "solver", "starts", "targets", "delta", "eta"
         own = {name: self.initial[name] for name in kept} | grid["weights"]
         problems["cortex"]["folds"] = own | {"held": grid["held"]}
-        return {"problems.json": json.dumps(problems).encode(), "folds.json": json.dumps(grid["maps"]).encode()}
+        return {"problems.json": json.dumps(problems).encode(), "folds.bin": packed({}, {"maps": grid["maps"]})}
 
     def problem(self, state):
         """The reader's problem on the browser's mesh."""

@@ -16,6 +16,7 @@ from data_synth import make_cortex
 from qcbook import Tuner
 from qcbook.examples import cortices, courses
 from qcbook.explore_tuner import surface_file
+from qcbook.livefiles import packed
 from qcbook.liveproblems import FSAVERAGE, as_json, example
 from qclearn.plane.grids import polar
 from qclearn.registration import curve_distance, curves_in_space
@@ -91,7 +92,8 @@ def test_maps_of_folds_lie_between_those_of_the_grid_and_are_certified(tmp_path)
     z, nodes = polar(24).z, list(Tuner.grid.values())
     turns = [[0.1 * i + 0.05 * j + (3.2 if i == j == 4 else 0) for j in range(5)] for i in range(5)]
     maps = [[z * np.exp(1j * turn * (1 - abs(z) ** 2)) for turn in row] for row in turns]
-    (tmp_path / "folds.json").write_text(json.dumps([[pairs(f) for f in row] for row in maps]), encoding="utf-8")
+    maps = np.array(maps, np.complex64).astype(complex)  # as they travel
+    (tmp_path / "folds.bin").write_bytes(packed({}, {"maps": maps}))
     points = pairs(np.array([0.1, 0.4j, -0.5]))
     request = {"moving": points, "target": points, "curve": [0, 0, 0], "alpha": 1, "beta": 0.01, "gamma": 1e3}
     middle = np.sqrt(nodes[1][2] * nodes[1][3])
@@ -118,4 +120,4 @@ def test_the_grid_has_registers_maps_and_the_page_reads_its_file():
     files = Tuner().fold_files({"cortex": {}}, grid)
     state = json.loads(files["problems.json"])["cortex"]["folds"]
     assert state["held"] == [0] and (state["gamma"], state["delta"], state["eta"]) == (1e3, 3, 3.5)
-    assert json.loads(files["folds.json"]) == [[f]]
+    assert files["folds.bin"] == packed({}, {"maps": [[f]]})

@@ -1,11 +1,12 @@
 // Maps of folds and curves between those of a grid of delta and eta that was computed beforehand (book/studies/fold_grid.py).
-import { fromPairs, zeros } from "./complex.js";
+import { zeros } from "./complex.js";
+import { readArrays } from "./files.js";
 import { COARSE, GRID } from "./given.js";
 import { Problem } from "./landmarks.js";
 import { measure } from "./measures.js";
 import { meshOf } from "./mesh.js";
 
-let maps = null; // a row for each delta, in it a map {x, y} for each eta
+let maps = null; // numbers by delta, eta, vertex, x and y
 
 // what the state has where folds are fitted: weights and curves held out of the grid; undefined where there is none
 export const foldsOf = (problems, { problem } = { problem: "cortex" }) => problems?.[problem]?.folds;
@@ -19,7 +20,7 @@ function between(nodes, value) {
 
 // The map at a state's delta and eta, linear between four of the grid, measured and certified as every map is.
 export async function withFolds(state, asked, host) {
-  maps ??= JSON.parse(new TextDecoder().decode(await host.file("folds.json"))).map((row) => row.map(fromPairs));
+  maps ??= readArrays(await host.file("folds.bin")).tensors.maps;
   const mesh = meshOf(...COARSE),
     [[i, s], [j, r]] = [between(GRID.delta, state.delta), between(GRID.eta, state.eta)],
     w = zeros(mesh.V);
@@ -31,7 +32,11 @@ export async function withFolds(state, asked, host) {
       [j, 1 - r],
       [j + 1, r],
     ]) {
-      for (const c of ["x", "y"]) maps[a][b][c].forEach((value, v) => (w[c][v] += p * q * value));
+      const first = 2 * mesh.V * (a * GRID.eta.length + b);
+      for (let v = 0; v < mesh.V; v++) {
+        w.x[v] += p * q * maps.data[first + 2 * v];
+        w.y[v] += p * q * maps.data[first + 2 * v + 1];
+      }
     }
   }
   const problem = new Problem(asked),
