@@ -76,6 +76,8 @@ def changed(expression, here, end):
     if end.get("data") != here["data"]:
         later = end["data"]["text/plain"] if "data" in end else f"{end['ename']}: {end['evalue']}"
         return f"{expression!r} is {here['data']['text/plain']} here and {later} at the end of the page"
+    if (said := here["data"]["text/plain"]).startswith("np."):
+        return f"{expression!r} reads {said}: make it a number of Python's"
     return None
 
 

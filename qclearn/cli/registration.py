@@ -250,7 +250,7 @@ def print_report(report, out):
         disk = f"{after:.2e} in the disk ({before:.2e} after the best Möbius map)"
         line("landmark error", f"{disk}, {report['landmark_error_mm']:.2f} mm")
     elif not report["stopped"]:
-        line("landmarks", f"none; registered by {' and '.join(report['features'])} alone")
+        line("landmarks", f"none; registered by {', '.join(report['features'])} alone")
     if report["held_out_mm"]:
         before, after = np.mean(list(report["held_out_mm"].values()), axis=0)
         text = f"{after:.2f} mm, mean of the curves ({before:.2f} after the best Möbius map)"

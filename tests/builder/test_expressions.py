@@ -59,6 +59,12 @@ def test_a_value_that_changes_later_or_is_gone_is_named(end, told):
     assert told in line
 
 
+def test_a_number_of_numpys_is_named():
+    notebook = executed(new_markdown_cell("{eval}`n`"), answers=[[result("np.int64(1)")]], end=[result("np.int64(1)")])
+    [line] = expressions.store(notebook)
+    assert "'n' reads np.int64(1)" in line
+
+
 def test_a_key_kept_by_two_cells_is_named():
     cells = new_code_cell("keep(**a)", id="first"), new_code_cell("keep(**b)", id="second")
     [line] = expressions.store(executed(*cells, answers=[], end=[], kept={"error": [1, 2], "size": [2]}))
