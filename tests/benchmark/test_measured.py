@@ -1,6 +1,8 @@
 """The measured figures: what is kept fits its schema, and what does not is refused with its place."""
 
 import json
+import re
+import subprocess
 
 import pytest
 
@@ -21,6 +23,32 @@ def test_kept_figures_fit_their_schema_and_can_be_written_again(name):
     text = (RESULTS / f"{name}.json").read_text()
     assert json.loads(as_text(name, figures)) == figures
     assert '"commit"' in text and "+changes" not in text, "measure again, on a committed tree"
+
+
+ROOT = RESULTS.parents[2]
+KEPT = {path.stem: path for path in (*RESULTS.iterdir(), ROOT / "qclearn/registration/uncertainty.json")}
+FROZEN = "benchmark", "sizes"  # measured at one commit
+BEFORE = "weights", "suspect", "uncertainty", "valleys", "foldgrid"  # and at one before it, by the same fit
+FIT = "qclearn/plane", "qclearn/surfaces", "qclearn/registration", "data_synth"
+NOT_IT = {"qclearn/registration/uncertainty.json", "qclearn/registration/report.py"}  # what is said of a fitted map
+
+
+def commits_of(name):
+    return set(re.findall(r'"commit": "(\w+)', KEPT[name].read_text()))
+
+
+def test_figures_are_those_of_one_commit():
+    assert len(set.union(*map(commits_of, FROZEN))) == 1
+
+
+@pytest.mark.parametrize("name", BEFORE)
+def test_what_was_chosen_before_it_was_chosen_by_the_same_fit(name):
+    (one,), (frozen,) = commits_of(name), commits_of(FROZEN[0])
+    command = ["git", "diff", "--name-only", one, frozen, "--", *FIT]
+    changes = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    if changes.returncode:
+        pytest.skip("the history is not here: nothing says what changed")
+    assert set(changes.stdout.split()) <= NOT_IT
 
 
 WRONG = [  # name, part of the file, what stands there, the fault
