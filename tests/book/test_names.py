@@ -27,7 +27,7 @@ HELD = {
     for name, held in HELD.items()
 }
 # Options of dask, nbgrader and a study stand beside ours; commands and options add keys to a report.
-OPTIONS = {"--help", "--tls-ca-file", "--tls-cert", "--tls-key", "--left", "--Execute.timeout"}
+OPTIONS = {"--help", "--left", "--Execute.timeout"}
 OPTIONS |= {
     option for command in cli.commands.values() for one in command.params for option in one.opts + one.secondary_opts
 }
