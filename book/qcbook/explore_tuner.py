@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from qcbook.scenes import surface_picture
-from qclearn.benchmark.measured import RESULTS
+from qclearn.benchmark.measured import read_measured
 from qclearn.plane.grids import COARSE, FINE
 from qclearn.plot import map_curves
 from qclearn.registration.fit import fit_problem
@@ -22,8 +22,6 @@ from .examples import CORTICES, cortices
 from .live import Live, as_pairs
 from .livefiles import cpnet_file, hemisphere_file, packed
 from .liveproblems import LINE, START, as_json, as_moved, density_of, example, problems_file, unfolded, weights_of
-
-FOLD_GRID = RESULTS / "foldgrid.json"  # of book/studies/fold_grid.py; without it there are no sliders of delta and eta
 
 
 class Tuner(Live):
@@ -67,8 +65,7 @@ class Tuner(Live):
         surfaces = {file: surface_file(pair.control) for file, pair in controls.items()}
         problems = problems_file()
         files = {"problems.json": problems, "cpnet.bin": cpnet_file(load("cpnet"))}
-        if FOLD_GRID.exists():
-            files |= self.fold_files(json.loads(problems), json.loads(FOLD_GRID.read_text(encoding="utf-8")))
+        files |= self.fold_files(json.loads(problems), read_measured("foldgrid"))
         return super().files() | files | surfaces
 
     def fold_files(self, problems, grid):

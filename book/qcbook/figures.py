@@ -69,21 +69,13 @@ def registration_disks(axes, registration, moving):
         disk_plot(ax, z, moving.faces, curvature, cmap="gray", vmin=-80, vmax=335)
         curves_plot(ax, registered, "registered")
         curves_plot(ax, [radius.to_image(curve) for curve in targets], "target")
-        number_curves(ax, [radius.to_image(curve) for curve in targets])
+        numbers_plot(ax, [radius.to_image(curve) for curve in targets])
         ax.set_title(title)
     mapped_legend(axes[0])
     lines_plot(disk_axes(axes[2]), mapped[len(curves) :], "#1F4E79")
     axes[2].set_title("polar grid after the map")
     axes[3].set_title(r"$|\mu|$")
     return disk_plot(axes[3], before, moving.faces, abs(r.mu), vmin=0, vmax=0.6)
-
-
-def number_curves(ax, curves):
-    """Write the number of each complex curve, from 1, beside its middle."""
-    place = {"textcoords": "offset points", "xytext": (11, 8), "zorder": 9}
-    for number, curve in enumerate(curves, 1):
-        middle = curve[len(curve) // 2]
-        ax.annotate(str(number), (middle.real, middle.imag), **place, **NUMBER | {"fontsize": 7})
 
 
 def hemisphere_plot(ax, shape, values, disk, curves=(), side=-1, color="#F0E442", **colours):

@@ -146,7 +146,7 @@ def main():
         found.setdefault((kind, part), []).append(one)
         words.setdefault((kind, part), []).append({"seeds": seeds, "vertices": sizes, "curves": setting})
         print(name, flush=True)
-    result = {"commit": made, "generation": GENERATION, "weights": {k: vars(w) for k, w in USUAL.items()}}
+    result = dict(settings)
     for kind in USUAL:
         factors, guaranteed = factors_of(found[kind, "calibrate"])
         pairs = {
@@ -202,7 +202,6 @@ def on_people(*paths):
         "distance_mm": float(off.mean()),
         "radius_mm": float(radius.mean()),
         "coverage": float((off <= radius).mean()),
-        "ratio_90": float(np.quantile(off / radius, 0.9)),
         "ratios": np.quantile(off / radius, SHARES).round(4).tolist(),
     }
 

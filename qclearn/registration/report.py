@@ -68,12 +68,12 @@ def report_of(pair, weights, fit, points, wrong, stopped):
     repaired = [f"{side}: {word}" for side in SIDES for word in getattr(pair, side).messages]
     messages = [*walls, *repaired, *pair.messages]
     suspect = [*wrong, *other_units(moving=moving, control=pair.control.surface)]
-    if stopped and not pair.curves:
-        suspect = [*walls, *suspect]  # folds of surfaces cut so differently may mistake the hand
     if not stopped:
         found = reasons(moving, rows, fit, distortion["log2_area"]["95"], bool(features))
         doubts = [*found, *disagreements, *worse(held_out)]
         suspect += [*walls, *doubts] if doubts else []  # the likely cause of all of them first
+    elif not pair.curves:
+        suspect = [*walls, *suspect]  # folds of surfaces cut so differently may mistake the hand
     return {
         **means,
         **coefficient_statistics(fit.mu),

@@ -8,13 +8,14 @@ import pytest
 
 from qclearn.benchmark.measured import RESULTS, WRITERS, BenchmarkError, as_text, read_measured, write_measured
 
+ROOT = RESULTS.parents[2]
+
 
 def test_a_file_and_the_program_that_writes_it_are_named_for_each_other():
-    root = RESULTS.parents[2]
     assert {path.stem for path in RESULTS.iterdir()} == set(WRITERS)
     for name, writer in WRITERS.items():
-        assert writer.startswith("qclearn benchmark") or (root / writer).is_file()
-        assert name in (root / "book/studies/README.md").read_text()
+        assert writer.startswith("qclearn benchmark") or (ROOT / writer).is_file()
+        assert name in (ROOT / "book/studies/README.md").read_text()
 
 
 @pytest.mark.parametrize("name", WRITERS)
@@ -25,7 +26,6 @@ def test_kept_figures_fit_their_schema_and_can_be_written_again(name):
     assert '"commit"' in text and "+changes" not in text, "measure again, on a committed tree"
 
 
-ROOT = RESULTS.parents[2]
 KEPT = {path.stem: path for path in (*RESULTS.iterdir(), ROOT / "qclearn/registration/uncertainty.json")}
 FROZEN = "benchmark", "sizes"  # measured at one commit
 BEFORE = "weights", "suspect", "uncertainty", "valleys", "foldgrid"  # and at one before it, by the same fit
