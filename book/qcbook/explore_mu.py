@@ -22,7 +22,6 @@ class Mu(Live):
             "preset": "waves",
             "size": 0.5,
             "direction": 60.0,
-            "frequencies": 4,
             "radius": 0.15,
             "dbsnet": False,
             "brush": (0.5, 0.5),

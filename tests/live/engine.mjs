@@ -35,10 +35,6 @@ const tasks = {
       return { f: toPairs(map.normalised()), raised: map.raised.reduce((a, b) => a + b, 0) };
     });
   },
-  async compressed() {
-    const { compressed } = await load("compression.js"), one = mesh(given.size);
-    return given.ks.map((k) => toPairs(compressed(one, fromPairs(given.mu), k, given.side)));
-  },
   async fits() {
     const { fitLandmarks } = await load("fit.js"), { bounded, squares } = await load("complex.js"), meshes = { coarse: mesh(given.coarse), fine: mesh(given.fine) };
     const losses = ({ mesh, nu, points, problem: { q, count } }, { alpha, beta, gamma }) => {

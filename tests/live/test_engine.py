@@ -13,8 +13,7 @@ from qcbook.examples import example_problems
 from qclearn.benchmark.methods.harmonic import harmonic
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.disk import Disk
-from qclearn.plane.fourier import compress, from_square, to_square
-from qclearn.plane.grids import POWER, polar, polar_disk
+from qclearn.plane.grids import POWER, polar_disk
 from qclearn.plane.solver import DiskSolver
 from qclearn.registration.fit import report_fit
 from qclearn.registration.problem import LandmarkError, Problem, Weights
@@ -76,15 +75,6 @@ def test_maps_are_the_solvers():
         solver = DiskSolver(Disk(*polar_disk(*size)))
         assert abs(numbers(found["f"]) - solver.solve(mu)).max() < 1e-10
         assert found["raised"] == solver.floored
-
-
-def test_compression_is_the_librarys():
-    size, ks = (32, 96, POWER), [0, 4, 11]
-    mu = coefficient(size, np.random.default_rng(6))
-    found = run_engine("compressed", size=size, mu=pairs(mu), ks=ks, side=64)
-    for k, one in zip(ks, found):
-        wanted = from_square(compress(to_square(polar(32), mu, 64), k), polar(32))
-        assert abs(numbers(one) - wanted).max() < 1e-9
 
 
 def test_converged_fits_are_the_librarys(asked, converged):

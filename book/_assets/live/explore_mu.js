@@ -1,7 +1,6 @@
-// Paint a Beltrami coefficient, and see the map that has it, and that of its Fourier compression.
+// Paint a Beltrami coefficient, and see the map that has it.
 import { ask, give } from "./ask.js";
 import { apart, fromPairs, interleaved, largest, meanDistance, sizes } from "./complex.js";
-import { compressed } from "./compression.js";
 import { DBSNet } from "./dbsnet.js";
 import { FINE, INITIAL } from "./given.js";
 import { DiskMap } from "./map.js";
@@ -45,8 +44,6 @@ function value({ size, direction }) {
 
 const muOn = (mesh, state) => mesh.atCentres((x, y) => muAt(state, x, y));
 
-const SIDE = 64; // pixels of the square that the compression works on
-
 // the worker's side
 async function work(bench, state) {
   const mesh = bench.mesh(...FINE),
@@ -54,14 +51,7 @@ async function work(bench, state) {
     mu = muOn(mesh, state);
   const whole = mapOf(map, mu);
   if (!whole) throw new Error("|mu| must stay below 1: no map that keeps its orientation has such a coefficient");
-  const smooth = compressed(mesh, mu, state.frequencies, SIDE),
-    kept = mapOf(map, smooth);
-  const network = state.dbsnet ? await pass(bench, state) : null;
-  return {
-    network,
-    ...whole,
-    compressed: kept && { ...kept, off: apart(whole.w, kept.w) },
-  };
+  return { network: state.dbsnet ? await pass(bench, state) : null, ...whole };
 }
 
 // the map and what is said of it; null where there is none
@@ -119,7 +109,7 @@ function paint(state, point, by) {
 let given = null; // a promise of DBS-Net's file, which is asked for when DBS-Net is
 
 async function answer(state, host) {
-  const { preset, size, direction, strokes, frequencies, dbsnet } = state;
+  const { preset, size, direction, strokes, dbsnet } = state;
   if (dbsnet) {
     given ??= give(host, { layers: "layers.wasm", dbsnet: "dbsnet.bin" });
     await given.catch((error) => {
@@ -127,7 +117,7 @@ async function answer(state, host) {
       throw error;
     });
   }
-  return ask(host, "mu", { preset, size, direction, strokes, frequencies, dbsnet });
+  return ask(host, "mu", { preset, size, direction, strokes, dbsnet });
 }
 
 function draw([field, image, colours], state, found) {
@@ -145,7 +135,6 @@ function draw([field, image, colours], state, found) {
   field.lines(lines, COLOURS.grid, 1);
   field.ring(state.brush, state.radius, COLOURS.target);
   image.disk();
-  if (found.compressed) grid(image, mesh, found.compressed.w, { colour: COLOURS.target, dash: [3, 2] });
   grid(image, mesh, found.w);
   heat(colours, mesh, found.size);
 }
@@ -173,14 +162,6 @@ export default {
     { kind: "linear", name: "size", label: "|μ| (size of mu)", min: 0, max: 0.95, step: 0.01 },
     { kind: "linear", name: "direction", label: "arg μ (argument of mu) in degrees", min: -180, max: 180, step: 5 },
     { kind: "linear", name: "radius", rare: true, label: "radius of the brush", min: 0.03, max: 0.5, step: 0.01 },
-    {
-      kind: "linear",
-      name: "frequencies",
-      label: "k, highest frequency that the compression keeps",
-      min: 0,
-      max: 20,
-      step: 1,
-    },
     { kind: "switch", name: "dbsnet", label: "DBS-Net beside the exact map (loads 3 MB)" },
   ],
   views: [
@@ -191,25 +172,17 @@ export default {
       points: (state) => [state.brush],
       drag: (state, index, point, by) => paint(state, point, by),
     },
-    { name: "image", label: "grid under the exact map; red: under that of the compressed mu" },
+    { name: "image", label: "grid under the exact map" },
     { name: "size", label: "|μ| on the disk" },
   ],
   answer,
   work,
   draw,
   words(state, found) {
-    const { compressed, raised } = found,
-      k = state.frequencies,
-      said = [
+    const said = [
         `The map of mu: largest |μ| ${short(found.largest)}, K ${short(K(found.largest))}, ${found.folds} folds`,
         `Mean displacement ${short(found.moved)}; exact map in ${found.ms.toFixed(1)} ms`,
       ];
-    if (compressed) {
-      said.push(
-        `Compressed to k = ${k}, ${(2 * k + 1) ** 2} complex numbers: largest |μ| ${short(compressed.largest)}`,
-      );
-      said.push(`Its map has ${compressed.folds} folds; the map moves by up to ${short(compressed.off)}`);
-    } else said.push(`Compressed to k = ${k} |μ| overshoots 1: no map has such a coefficient`);
     if (found.network) {
       const { mesh: size, off, folds, ms, exact } = found.network;
       said.push(
@@ -217,11 +190,11 @@ export default {
       );
       said.push(`It takes ${ms.toFixed(0)} ms, the exact map ${exact.toFixed(0)} ms`);
     }
-    if (raised) said.push(`${raised} boundary steps raised`);
+    if (found.raised) said.push(`${found.raised} boundary steps raised`);
     return `${said.join(". ")}.`;
   },
-  data(state, { w, size, compressed, ...numbers }) {
-    return { map: interleaved(w), ...numbers, off: compressed?.off ?? null, compressedLargest: compressed?.largest ?? null };
+  data(state, { w, size, ...numbers }) {
+    return { map: interleaved(w), ...numbers };
   },
   compare: ({ w }, kernel) => `The kernel's exact map differs by ${gap(apart(w, fromPairs(kernel.map)))} at most.`,
   question: {
