@@ -10,7 +10,6 @@ from qclearn.plane.solver import DiskSolver
 from qclearn.plot import disk_plot
 
 from .live import Live, as_pairs, two_disks
-from .livefiles import dbsnet_file
 
 
 class Mu(Live):
@@ -18,15 +17,7 @@ class Mu(Live):
 
     page = "mu"
     initial = MappingProxyType(
-        {
-            "preset": "waves",
-            "size": 0.5,
-            "direction": 60.0,
-            "radius": 0.15,
-            "dbsnet": False,
-            "brush": (0.5, 0.5),
-            "strokes": (),
-        }
+        {"preset": "waves", "size": 0.5, "direction": 60.0, "radius": 0.15, "brush": (0.5, 0.5), "strokes": ()}
     )
     mesh = polar(*FINE)
     presets = MappingProxyType(
@@ -38,12 +29,6 @@ class Mu(Live):
             "blank": lambda z: 0 * z,
         }
     )
-
-    def files(self):
-        """The inner loops in WebAssembly, and DBS-Net."""
-        from qclearn.nets import load  # here, as it needs torch
-
-        return super().files() | {"dbsnet.bin": dbsnet_file(load("dbsnet"))}
 
     def coefficient(self, state):
         """mu (F,) on the faces of the mesh: the preset, and what was painted over it."""

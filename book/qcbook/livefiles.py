@@ -64,12 +64,6 @@ def cpnet_file(network):
     return packed(sizes | {"power": network.grid.power}, tables | half_weights(network.unet))
 
 
-def dbsnet_file(network):
-    """DBS-Net `best`."""
-    config = network.config
-    return packed({"rings": config.rings, "spokes": config.spokes, "power": 1.0}, half_weights(network.unet))
-
-
 def hemisphere_file(side, **values):
     """A `ParameterizedSurface` as `Hemisphere` of hemisphere.js reads it; values: (V,) arrays or
     plain numbers.

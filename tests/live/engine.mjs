@@ -69,10 +69,6 @@ const tasks = {
     const { CPNet } = await load("cpnet.js"), net = await network(CPNet);
     return given.weights.map((weights) => net.isStiff(weights));
   },
-  async dbsnet() {
-    const { DBSNet } = await load("dbsnet.js"), net = await network(DBSNet);
-    return given.coefficients.map((mu) => toPairs(net.run(fromPairs(mu))));
-  },
   async surface() {
     const { Hemisphere } = await load("hemisphere.js"), { curveDistance, graphOf, lengthOf, shortestPath } = await load("paths.js");
     const hemisphere = new Hemisphere(bytes(given.file));

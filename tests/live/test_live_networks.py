@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 from reference import numbers, pairs, run_engine
 
 from qcbook.examples import example_problems
-from qcbook.livefiles import cpnet_file, dbsnet_file
+from qcbook.livefiles import cpnet_file
 from qclearn.nets.cpnet import BestCPNetConfig
 from qclearn.nets.weights import load
 from qclearn.plane.coefficients import bounded
@@ -66,16 +65,3 @@ def test_both_leave_the_network_out_at_the_same_weights(found):
     answer = run_engine("stiff", file=str(file), weights=[{"beta": w.beta, "gamma": w.gamma} for w in asked])
     limit = BestCPNetConfig().stiff
     assert answer == [w.gamma >= limit * w.beta for w in asked] and len(set(answer)) == 2
-
-
-def test_dbsnet_is_torchs(tmp_path, one_thread):
-    network, rng = halved(load("dbsnet")), np.random.default_rng(2)
-    x, y, turns = network.pixels.real, network.pixels.imag, rng.uniform(1, 4, (3, 2))
-    made = [largest * np.sin(a * x + b) * np.exp(1j * b * y) for largest, (a, b) in zip((0.2, 0.4, 0.6), turns)]
-    file = tmp_path / "dbsnet.bin"
-    file.write_bytes(dbsnet_file(network))
-    answers = run_engine("dbsnet", file=str(file), coefficients=[pairs(mu) for mu in made])
-    for mu, answer in zip(made, answers):
-        with torch.no_grad():
-            f = network(torch.from_numpy(mu).to(network.z)[None])[0].numpy()
-        assert abs(numbers(answer) - f).max() < 1e-4

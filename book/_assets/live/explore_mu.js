@@ -1,13 +1,11 @@
 // Paint a Beltrami coefficient, and see the map that has it.
-import { ask, give } from "./ask.js";
+import { ask } from "./ask.js";
 import { apart, fromPairs, interleaved, largest, meanDistance, sizes } from "./complex.js";
-import { DBSNet } from "./dbsnet.js";
 import { FINE, INITIAL } from "./given.js";
 import { DiskMap } from "./map.js";
 import { meshOf } from "./mesh.js";
 import { COLOURS } from "./picture.js";
 import { grid, heat } from "./plots.js";
-import { networkOf } from "./unet.js";
 import { gap, short } from "./words.js";
 
 const BUMP = { x: 0.3, y: 0.2, width: 0.3 };
@@ -42,40 +40,18 @@ function value({ size, direction }) {
   return [size * Math.cos(angle), size * Math.sin(angle)];
 }
 
-const muOn = (mesh, state) => mesh.atCentres((x, y) => muAt(state, x, y));
-
 // the worker's side
-async function work(bench, state) {
-  const mesh = bench.mesh(...FINE),
-    map = (mesh.map ??= new DiskMap(mesh)),
-    mu = muOn(mesh, state);
-  const whole = mapOf(map, mu);
-  if (!whole) throw new Error("|mu| must stay below 1: no map that keeps its orientation has such a coefficient");
-  return { network: state.dbsnet ? await pass(bench, state) : null, ...whole };
-}
-
-// the map and what is said of it; null where there is none
-function mapOf(map, mu) {
+function work(bench, state) {
   const begin = performance.now(),
-    { mesh } = map;
-  if (!map.solve(mu)) return null;
+    mesh = bench.mesh(...FINE),
+    map = (mesh.map ??= new DiskMap(mesh)),
+    mu = mesh.atCentres((x, y) => muAt(state, x, y));
+  if (!map.solve(mu)) throw new Error("|mu| must stay below 1: no map that keeps its orientation has such a coefficient");
   const w = map.normalised(),
     ms = performance.now() - begin,
     size = Float32Array.from(sizes(mu)),
     raised = map.raised.reduce((a, b) => a + b, 0);
   return { w, size, largest: largest(sizes(mu)), folds: mesh.flipped(w).length, raised, moved: meanDistance(w, mesh.z), ms };
-}
-
-// DBS-Net's map of the same mu on its own mesh, and the exact one there: the largest distance, and both times
-async function pass(bench, state) {
-  const net = await networkOf(bench, DBSNet, "dbsnet"),
-    { mesh } = net,
-    mu = muOn(mesh, state),
-    exact = mapOf((mesh.map ??= new DiskMap(mesh)), mu),
-    begin = performance.now();
-  const w = net.run(mu),
-    ms = performance.now() - begin;
-  return { mesh: [mesh.rings, mesh.spokes], off: apart(w, exact.w), folds: mesh.flipped(w).length, ms, exact: exact.ms };
 }
 
 // ---- what is to be seen ----
@@ -106,19 +82,7 @@ function paint(state, point, by) {
   return { brush, strokes: [...state.strokes, stroke].slice(-MOST_STROKES) };
 }
 
-let given = null; // a promise of DBS-Net's file, which is asked for when DBS-Net is
-
-async function answer(state, host) {
-  const { preset, size, direction, strokes, dbsnet } = state;
-  if (dbsnet) {
-    given ??= give(host, { layers: "layers.wasm", dbsnet: "dbsnet.bin" });
-    await given.catch((error) => {
-      given = null;
-      throw error;
-    });
-  }
-  return ask(host, "mu", { preset, size, direction, strokes, dbsnet });
-}
+const answer = ({ preset, size, direction, strokes }, host) => ask(host, "mu", { preset, size, direction, strokes });
 
 function draw([field, image, colours], state, found) {
   const mesh = meshOf(...FINE);
@@ -162,7 +126,6 @@ export default {
     { kind: "linear", name: "size", label: "|μ| (size of mu)", min: 0, max: 0.95, step: 0.01 },
     { kind: "linear", name: "direction", label: "arg μ (argument of mu) in degrees", min: -180, max: 180, step: 5 },
     { kind: "linear", name: "radius", rare: true, label: "radius of the brush", min: 0.03, max: 0.5, step: 0.01 },
-    { kind: "switch", name: "dbsnet", label: "DBS-Net beside the exact map (loads 3 MB)" },
   ],
   views: [
     {
@@ -183,13 +146,6 @@ export default {
         `The map of mu: largest |μ| ${short(found.largest)}, K ${short(K(found.largest))}, ${found.folds} folds`,
         `Mean displacement ${short(found.moved)}; exact map in ${found.ms.toFixed(1)} ms`,
       ];
-    if (found.network) {
-      const { mesh: size, off, folds, ms, exact } = found.network;
-      said.push(
-        `DBS-Net on ${size.join(" x ")} differs from the exact map there by up to ${short(off)}, with ${folds} folds`,
-      );
-      said.push(`It takes ${ms.toFixed(0)} ms, the exact map ${exact.toFixed(0)} ms`);
-    }
     if (found.raised) said.push(`${found.raised} boundary steps raised`);
     return `${said.join(". ")}.`;
   },
