@@ -122,13 +122,17 @@ def resolved_share(pixel_areas, largest=25.0):
 
 
 def numbers_plot(ax, curves):
-    """Number complex curves of the disk from 1, beside the middle of each; see `sulci_in_words`."""
+    """Number complex curves of the disk from 1, beside the middle of each, on the side with more room; see
+    `sulci_in_words`."""
+    taken = np.concatenate(list(curves))
     box = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "edgecolor": "0.3", "linewidth": 0.6}
     for number, curve in enumerate(curves, 1):
         middle, along = curve[len(curve) // 2], curve[-1] - curve[0]
         aside = 0.08j * along / abs(along)
-        place = min(middle + aside, middle - aside, key=abs)  # the side away from the rim
-        ax.text(place.real, place.imag, str(number), fontsize=7, ha="center", va="center", zorder=7, bbox=box)
+        sides = sorted((middle + aside, middle - aside), key=abs)  # if both have room, the one away from the rim
+        place = max(sides, key=lambda side: min(0.07, abs(taken - side).min()))
+        taken = np.append(taken, place)
+        ax.text(place.real, place.imag, str(number), fontsize=8, ha="center", va="center", zorder=7, bbox=box)
 
 
 def sulci_in_words(names):
