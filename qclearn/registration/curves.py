@@ -303,7 +303,7 @@ def held_apart(curves, names):
         raise LandmarkError(f"hold_out is {names!r:.60}: give a list of names of curves")
     unknown = sorted(set(names) - {curve.name for curve in curves})
     if unknown:
-        known = ", ".join(repr(curve.name) for curve in curves) or "none"
+        known = ", ".join(repr(curve.name) for curve in curves) or "none: give landmarks"
         raise LandmarkError(
             f"no curve is called {', '.join(map(repr, unknown))}, to be held out; there are {known}"
         )
