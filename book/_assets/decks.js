@@ -1,5 +1,5 @@
 // The slides of book/builder/decks.py, each a section in a section of its own, as nbconvert writes them. An explorable keeps its
-// keys for itself, and is as large as its slide lets it be.
+// keys for itself, but Page Up and Page Down, and is as large as its slide lets it be.
 const HEIGHT = 720,
   live = (element) => element?.closest(".qc-live");
 
@@ -26,7 +26,7 @@ if (matchMedia("(min-width: 40rem)").matches) { // a telephone shows the slides 
     slideNumber: "c/t",
     transition: "none",
     touch: false,
-    keyboardCondition: () => !live(document.activeElement),
+    keyboardCondition: ({ key }) => key.startsWith("Page") || !live(document.activeElement),
   });
   Reveal.on("ready", fitAll);
   Reveal.on("slidechanged", fitAll);

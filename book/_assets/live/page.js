@@ -23,7 +23,7 @@ function hostOf(spec, files) {
     link,
     onward: ({ page, name }, state) => `${page}.html${PREFIX}${name}=${encodeURIComponent(JSON.stringify(state))}`,
     ask: null,
-    save: (state) => history.replaceState(null, "", link(state)),
+    save: (state) => window.Reveal || history.replaceState(null, "", link(state)), // slides have their number there
     tell() {},
     ...files,
   };
