@@ -21,7 +21,7 @@ def test_a_planted_fault_is_found(window, site_address):
     [
         ("lbs.html", "mjx-container"),
         ("files.html", ".pst-scrollable-table-container"),
-        ("benchmark.html", ".wide-picture"),
+        ("cpnet.html", ".wide-picture"),
     ],
 )
 def test_what_is_too_wide_scrolls_in_its_own_box(window, site_address, name, box):
