@@ -18,11 +18,7 @@ def test_a_planted_fault_is_found(window, site_address):
 # than a desk's.
 @pytest.mark.parametrize(
     "name, box",
-    [
-        ("lbs.html", "mjx-container"),
-        ("files.html", ".pst-scrollable-table-container"),
-        ("cpnet.html", ".wide-picture"),
-    ],
+    [("lbs.html", "mjx-container"), ("files.html", ".pst-scrollable-table-container"), ("cpnet.html", ".wide-picture")],
 )
 def test_what_is_too_wide_scrolls_in_its_own_box(window, site_address, name, box):
     view = View(window, site_address, name)
