@@ -31,7 +31,7 @@ def made(folder, surface, cortex):
 
 @pytest.mark.slow
 def test_a_folder_of_subjects_goes_onto_fsaverage5(tmp_path):
-    (recipe,) = re.findall(r"```python\n(import subprocess\n.*?)```", markdown_of("ownbrain"), re.DOTALL)
+    (recipe,) = re.findall(r"```python\n(import json\nimport subprocess\n.*?)```", markdown_of("ownbrain"), re.DOTALL)
     left, right = (qc.Surface(*load_surf_mesh(WHITE / f"white_{side}.gii.gz")) for side in ("left", "right"))
     cortex, other = (qc.fsaverage5(side).original_vertices for side in ("left", "right"))
     mirrored = qc.mirror(right)

@@ -148,19 +148,19 @@ def saving(chains, part):
 
 
 def networks_save(rows):
-    """What the networks save of the whole pipeline at the largest size of sizes.json: one sentence.
+    """What DBS-Net saves of the whole pipeline at the largest size of sizes.json: one sentence.
 
-    Their rival has in DBS-Net's place the exact solver, or conjugate gradients stopped at an error
-    no larger: the faster one.
+    Its rival is the exact solver, or conjugate gradients stopped at an error no larger: the faster
+    one.
     """
     chains = chain_seconds(rows)["largest"]
     network = chains["networks"]["whole"]
     own = {name: chains[name]["whole"] for name in RIVALS}
     rival = min(own, key=own.get)
     share = 1 - network / own[rival]
-    words = {"below": f"save {share:.0%} of", "level": "save nothing of", "above": f"add {-share:.0%} to"}
+    words = {"below": f"saves {share:.0%} of", "level": "saves nothing of", "above": f"adds {-share:.0%} to"}
     return (
-        f"On {max(row['vertices'] for row in rows):,} vertices the networks {words[compared(network, own[rival])]} "
+        f"On {max(row['vertices'] for row in rows):,} vertices DBS-Net {words[compared(network, own[rival])]} "
         f"the whole pipeline of landmarks alone ({network:.1f} s beside {own[rival]:.1f} s with {RIVALS[rival]} "
-        "in place of DBS-Net); the paper reports a saving of over nine tenths."
+        "in its place); the paper reports that its networks save over nine tenths."
     )

@@ -90,19 +90,19 @@ def test_pairs_that_miss_a_figure_are_left_out():
 @pytest.mark.parametrize(
     "network, rivals, words",
     [
-        (2.0, {"exact solver": 4, "conjugate gradients": 5}, "save 50% of"),
-        (2.0, {"exact solver": 4, "conjugate gradients": 2.02}, "save nothing of"),
-        (2.2, {"exact solver": 4, "conjugate gradients": 2}, "add 10% to"),
+        (2.0, {"exact solver": 4, "conjugate gradients": 5}, "saves 50% of"),
+        (2.0, {"exact solver": 4, "conjugate gradients": 2.02}, "saves nothing of"),
+        (2.2, {"exact solver": 4, "conjugate gradients": 2}, "adds 10% to"),
     ],
 )
-def test_the_networks_save_what_the_faster_rival_leaves(network, rivals, words):
+def test_dbsnet_saves_what_the_faster_rival_leaves(network, rivals, words):
     chains = {"networks": network, **rivals}
     rows = [
         {"vertices": vertices, "chain": chain, "stage": "landmarks", "seconds": took}
         for vertices in (7, 8, 9)
         for chain, took in chains.items()
     ]
-    assert f"the networks {words} the whole pipeline" in comparisons.networks_save(rows)
+    assert f"DBS-Net {words} the whole pipeline" in comparisons.networks_save(rows)
 
 
 def test_the_readme_says_that_a_stopped_solver_saves_as_much():
@@ -110,4 +110,4 @@ def test_the_readme_says_that_a_stopped_solver_saves_as_much():
         "A classical solver that stops at the same error saves as much."
         in (Path(__file__).parents[2] / "README.md").read_text()
     )
-    assert words == ("networks save nothing" in comparisons.networks_save(read_measured("sizes")["rows"]))
+    assert words == ("DBS-Net saves nothing" in comparisons.networks_save(read_measured("sizes")["rows"]))

@@ -197,7 +197,7 @@ export default {
   afterwards,
   draw,
   sentence: (state, found) => sentence(sidesOf(state, found).at(-1)),
-  bars: (state, found) => bars(sidesOf(state, found)),
+  bars: (state, found) => (folded(state) ? [] : bars(sidesOf(state, found))), // a fit of folds has other terms, too
   sides: (state, found) => beside(sidesOf(state, found)),
   words: (state, found) => words(found, sidesOf(state, found).at(-1)),
   rows,
@@ -219,7 +219,7 @@ export default {
     return `${said}, in ${kernel.ms.toFixed(0)} ms; the largest difference of the two maps is ${far}.`;
   },
   question: {
-    text: "Multiply γ by ten: what share of the present landmark error is left (0 to 1, or more)? ",
+    text: "Landmarks alone: multiply γ by ten. What share of the present landmark error is left (0 to 1, or more)? ",
     async truth(state, host) {
       const now = await ask(host, "tuner", requestOf(state), "error");
       return (await ask(host, "tuner", { ...requestOf(state), gamma: 10 * state.gamma }, "error")) / now;
