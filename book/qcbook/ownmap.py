@@ -105,6 +105,6 @@ def command_words(command):
     for name in ("cortex", "control_cortex", "units", "landmarks"):
         if given[name] and given[name] != "mm":
             words += [f"--{name.replace('_', '-')}", given[name]]
-    words += [f"--{name}" for name in ("merge", "mirror") if given[name]]
+    words += [f"--{name.replace('_', '-')}" for name in ("merge", "mirror", "no_landmarks") if given[name]]
     features = [word for pair in given["given"] or () for word in ("--feature", *pair)]
     return {"before": [], "register": words, "features": features}

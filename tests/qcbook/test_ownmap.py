@@ -65,10 +65,14 @@ def test_the_tuner_says_what_it_does_not_show_of_a_folder(folder, drawn, says, m
             {"landmarks": {"curves": []}},
             "registered by folds alone.*register rh.pial lh.pial --cortex .* --delta 3 --eta 3.5",
         ),
+        (
+            {"landmarks": {"curves": []}, "command": ["qclearn", "register", "a.npz", "b.npz", "--no-landmarks"]},
+            "register a.npz b.npz --no-landmarks --delta 3 --eta 3.5",
+        ),
         ({"landmarks": {"curves": []}, "command": ["python"]}, "register with --landmarks to tune them$"),
         ({"mean_abs_mu": 0.5}, "report.json is of another run"),
     ],
-    ids=["folds alone", "folds alone, by no command", "of two runs"],
+    ids=["folds alone", "folds alone of files with curves", "folds alone, by no command", "of two runs"],
     indirect=["folder"],
 )
 def test_a_folder_without_a_landmark_fit_is_refused_in_a_sentence(folder, says):
