@@ -26,12 +26,15 @@ class OwnMap:
     takes them; pair: their `Courses`; example: the `Example`; start: the state that the tuner begins with;
     again: words of the command that wrote the folder; note: what the tuner does not show.
 
-    ReportError, in a sentence, for a folder that is none, or has no curves.
+    ReportError, in a sentence, for a folder that is none, has no curves, or was stopped before the fit.
     """
 
     def __init__(self, folder):
         finished = read_finished(folder)
         report, arrays = finished.report, finished.arrays
+        if report.get("stopped"):
+            why = "; ".join(report["suspect"])
+            raise ReportError(f"{folder}: `register` found the landmarks wrong, and fitted nothing to tune; {why}")
         self.moving, self.control = finished.moving.surface, finished.control.surface
         self.again = command_words(report["command"])
         if self.again:
@@ -46,7 +49,7 @@ class OwnMap:
             raise ReportError(f"{folder}: was registered by folds alone, and the tuner moves landmarks; {advice}")
 
         # The curves are given by numbers of whole surfaces, where such were given.
-        self.curves = [dict(curve) for curve in given]
+        self.curves = [curve | {"hold_out": False} for curve in given]  # the tuner says which it holds out
         for side in SIDES:
             numbering = numbering_of_side(arrays, side)
             if numbering.known and report["inputs"][side]["vertices"] == numbering.count:
@@ -85,8 +88,7 @@ def note_of(report, vertices):
     if report["features"]:
         weights = f"δ = {report['delta']:g}, η = {report.get('eta', 0.0):g}"
         says.append(f"the folder's map also fits folds ({weights}), which need `register` again: Command with folds")
-    if report.get("stopped"):
-        says.append(f"`register` stopped before the fit: {report['stopped']}")
+        says.append("weights that are best by landmarks alone need not be best with folds")
     if vertices > DRAWN:
         says.append(f"drawn on {DRAWN:,} of {vertices:,} vertices")
     return "; ".join(says) + "."

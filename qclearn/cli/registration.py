@@ -195,7 +195,11 @@ def register_into(out, sides, mirrored, curves, sphere=None, *, report, accept_s
             if not (wrong and reason.startswith("mirror:"))
         ]
         inputs = {side: (one.path, one.given) for side, one in sides.items()}
-        contents = result.report | {"suspect": [*wrong, *suspect]} | origin(inputs, curves, words)
+        held = result.report["held_out_mm"]
+        given = [
+            one | {"hold_out": True} if one["name"] in held else one for one in curves["curves"]
+        ]
+        contents = result.report | {"suspect": [*wrong, *suspect]} | origin(inputs, given, words)
         if result.uncertainty is not None:
             write_uncertainty(folder, result, contents, sides["moving"])
 

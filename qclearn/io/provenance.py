@@ -49,17 +49,14 @@ def versions(*packages):
 def origin(inputs, curves, command):
     """The origin in a report.json: dict of `inputs`, `landmarks`, `versions`, `command`.
 
-    inputs: side -> (path, surface as read); curves: landmarks as given; command: the
-    arguments of the command line.
+    inputs: side -> (path, surface as read); curves: landmarks as given, held-out ones
+    marked; command: the arguments of the command line.
     """
     marks = {side: surface.fingerprint for side, (_, surface) in inputs.items()}
     torch = ["torch"] if "torch" in sys.modules else []
     return {
         "inputs": {side: {"path": path} | marks[side] for side, (path, _) in inputs.items()},
-        "landmarks": {
-            "curves": curves["curves"] if isinstance(curves, dict) else curves,
-            "surfaces": marks,
-        },
+        "landmarks": {"curves": curves, "surfaces": marks},
         "versions": versions("qclearn", "numpy", "scipy", *torch),
         "command": command,
     }

@@ -219,6 +219,8 @@ export default {
   question: {
     text: "If each pin asked for half of what it asks now, how many triangles would be folded? ",
     truth: async (state, host) => (await answer(eased(state, 0.5), host)).folds.length,
-    why: "A pin is a point force: its spike folds once the pull is longer than about an edge of the mesh. On a finer mesh half the pull folds, too.",
+    why:
+      "A pin is a point force: its spike folds once the pull is longer than about an edge of the mesh. " +
+      "On a finer mesh half the pull folds, too.",
   },
 };

@@ -133,7 +133,7 @@ function tubeOf(solid, surface, line, unfold, layer) {
   };
 }
 
-// ---- the trade-off, on axes that stay ----
+// ---- the trade-off, on axes that stay, or are longer where a problem's maps need it ----
 
 const moves = []; // [mean |mu|, log10 of the error] of the maps that were shown of one problem
 let movesOf = null;
@@ -151,12 +151,15 @@ export function drawChart(picture, { state, asked, shown, surface, fitted, held,
       .sort((a, b) => a.gamma - b.gamma)
       .filter((one) => one[name] !== null)
       .map((one) => place(one[name], one.mean));
+  const points = [...moves, ...along("fitted"), ...(held === null ? [] : along("held"))],
+    wide = !surface || points.some(([mean]) => mean > 0.2),
+    high = !surface || points.some(([, height]) => height > 1);
   chart(picture, {
-    x: [0, surface ? 0.2 : 0.6],
-    y: [-2, surface ? 1 : 2],
+    x: [0, wide ? 0.6 : 0.2],
+    y: [-2, high ? 2 : 1],
     ticks: {
-      x: (surface ? [0, 0.05, 0.1, 0.15, 0.2] : [0, 0.2, 0.4, 0.6]).map((x) => [x, String(x)]),
-      y: [-2, -1, 0, 1, ...(surface ? [] : [2])].map((y) => [y, `${y < -1 ? "≤ " : ""}${10 ** y}`]),
+      x: (wide ? [0, 0.2, 0.4, 0.6] : [0, 0.05, 0.1, 0.15, 0.2]).map((x) => [x, String(x)]),
+      y: [-2, -1, 0, 1, ...(high ? [2] : [])].map((y) => [y, `${y < -1 ? "≤ " : ""}${10 ** y}`]),
     },
     name: `mean |μ|; up: ${surface ? "mm" : "% of the radius"} off`,
     curves: [
