@@ -154,7 +154,7 @@ export default {
   },
   compare: ({ w }, kernel) => `The kernel's exact map differs by ${gap(apart(w, fromPairs(kernel.map)))} at most.`,
   question: {
-    text: "Bring the largest |μ| half of what is left nearer to 1. How many times longer than wide is the longest ellipse? ",
+    text: "Move the largest |μ| half of the way that is left to 1. How many times longer than wide is the longest ellipse? ",
     truth: async (state, host) => K((1 + (await answer(state, host)).largest) / 2),
     why: "The ratio of the axes is K = (1 + |μ|) / (1 − |μ|): near 1, half the way that is left doubles it each time.",
   },
