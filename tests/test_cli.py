@@ -155,6 +155,8 @@ def test_the_demo_registers_real_cortex(demo):
     assert report["landmark_error_before"] > 0.01 and report["max_abs_mu"] < 0.8
     assert len(report["curves"]) == 6 and set(report) >= REPORT | ADDED and report["suspect"] == []
     assert len(report["held_out_mm"]) == 5 and min(min(row) for row in report["held_out_mm"].values()) > 0
+    held = {curve["name"] for curve in report["landmarks"]["curves"] if curve.get("hold_out")}
+    assert held == set(report["held_out_mm"])  # given back, they are held out again
     first, *_, figure, write, total = seconds = report["seconds"]
     assert (first, figure, write, total) == ("read", "figure", "write", "total") and min(seconds.values()) >= 0
     assert 0.95 * seconds["total"] < sum(seconds.values()) - seconds["total"] <= 1.001 * seconds["total"]

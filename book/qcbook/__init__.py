@@ -6,7 +6,7 @@ from qclearn.interrupts import attach
 EXPLORABLES = ("Mobius", "Mu", "Tuner", "Landmarks", "LBS", "Boundary", "Growth", "HowSure")
 TABLE = {
     "cells": "keep num show_figure slide table",
-    "comparisons": "among_people chain_seconds compare_fronts compare_runs doubtful_curves homologous networks_save "
+    "comparisons": "among_people chain_seconds compare_fronts compare_runs doubtful_curves homologous dbsnet_saves "
     "noted saving",
     "diagrams": "block_diagram",
     "dots": "dot_lines plain_ticks run_dots setting",

@@ -147,7 +147,7 @@ def saving(chains, part):
     return "holds at the larger weight alone" if at_larger else "does not hold"
 
 
-def networks_save(rows):
+def dbsnet_saves(rows):
     """What DBS-Net saves of the whole pipeline at the largest size of sizes.json: one sentence.
 
     Its rival is the exact solver, or conjugate gradients stopped at an error no larger: the faster

@@ -102,7 +102,7 @@ def test_dbsnet_saves_what_the_faster_rival_leaves(network, rivals, words):
         for vertices in (7, 8, 9)
         for chain, took in chains.items()
     ]
-    assert f"DBS-Net {words} the whole pipeline" in comparisons.networks_save(rows)
+    assert f"DBS-Net {words} the whole pipeline" in comparisons.dbsnet_saves(rows)
 
 
 def test_the_readme_says_that_a_stopped_solver_saves_as_much():
@@ -110,4 +110,4 @@ def test_the_readme_says_that_a_stopped_solver_saves_as_much():
         "A classical solver that stops at the same error saves as much."
         in (Path(__file__).parents[2] / "README.md").read_text()
     )
-    assert words == ("DBS-Net saves nothing" in comparisons.networks_save(read_measured("sizes")["rows"]))
+    assert words == ("DBS-Net saves nothing" in comparisons.dbsnet_saves(read_measured("sizes")["rows"]))

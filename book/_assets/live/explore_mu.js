@@ -143,9 +143,9 @@ export default {
   draw,
   words(state, found) {
     const said = [
-        `The map of mu: largest |μ| ${short(found.largest)}, K ${short(K(found.largest))}, ${found.folds} folds`,
-        `Mean displacement ${short(found.moved)}; exact map in ${found.ms.toFixed(1)} ms`,
-      ];
+      `The map of mu: largest |μ| ${short(found.largest)}, K ${short(K(found.largest))}, ${found.folds} folds`,
+      `Mean displacement ${short(found.moved)}; exact map in ${found.ms.toFixed(1)} ms`,
+    ];
     if (found.raised) said.push(`${found.raised} boundary steps raised`);
     return `${said.join(". ")}.`;
   },

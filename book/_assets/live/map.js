@@ -88,7 +88,7 @@ export class DiskMap {
 }
 
 // the Möbius map after f to f(0) = 0 and f(1) = 1; beyond the disk f(0) is folded, and the circle must not turn over
-export function normaliserOf({ free }, f) {
+function normaliserOf({ free }, f) {
   const inside = Math.hypot(f.x[0], f.y[0]) < 1,
     [ax, ay] = inside ? [f.x[0], f.y[0]] : [0, 0],
     [x, y] = mobius(f.x[free], f.y[free], ax, ay);
