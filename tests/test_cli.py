@@ -132,6 +132,9 @@ def test_maps_landmarks_mirror_and_units_reach_it(recorded, folder):
     np.testing.assert_array_equal(feature.moving, np.arange(193.0))
     np.testing.assert_array_equal(feature.control, np.loadtxt("map.txt"))
     assert recorded(*PAIR, "--no-landmarks")[2]["curves"] == []
+    (held,) = recorded(*PAIR, "--no-landmarks", "--hold-out", "north")[2]["curves"]
+    assert held["name"] == "north"
+    assert len(recorded(*PAIR, "--no-landmarks", "--hold-out", "nroth")[2]["curves"]) == 2  # to be named in the error
     assert recorded("moving.npz", "plain.ply")[2]["curves"] == []
     moving, _, curves, _ = recorded(*PAIR, "--landmarks", "landmarks.json", "--mirror", "--units", "m")
     assert curves == CURVES

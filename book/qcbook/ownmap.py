@@ -69,6 +69,10 @@ class OwnMap:
 
         held = [k for k, curve in enumerate(checked) if curve.hold_out or curve.name in report["held_out_mm"]]
         weights = {name: report[name] for name in ("alpha", "beta", "gamma")}
+        if report["features"]:
+            if self.again:
+                self.again["withFolds"] = dict(weights)
+            weights |= {name: report[name] for name in ("delta", "eta") if report.get(name)}
         self.start = weights | {"problem": "own", "held": held if len(held) < len(names) else [], "shade": "mu"}
         self.note = note_of(report, len(self.control.vertices))
 
@@ -88,7 +92,7 @@ def note_of(report, vertices):
     if report["features"]:
         weights = f"δ = {report['delta']:g}, η = {report.get('eta', 0.0):g}"
         says.append(f"the folder's map also fits folds ({weights}), which need `register` again: Command with folds")
-        says.append("weights that are best by landmarks alone need not be best with folds")
+        says.append("it keeps the folder's α, β, γ: weights best by landmarks alone need not be best with folds")
     if vertices > DRAWN:
         says.append(f"drawn on {DRAWN:,} of {vertices:,} vertices")
     return "; ".join(says) + "."

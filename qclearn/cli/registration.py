@@ -2,6 +2,7 @@
 
 import json
 import time
+from pathlib import Path
 
 import click
 import numpy as np
@@ -16,7 +17,7 @@ from ..registration.curves import curves_of_both, on_cut_surfaces, read_landmark
 from ..registration.problem import DELTA, DELTA_BY_DISKS, ETA, Weights
 from ..registration.register import register as run_registration
 from .given import given_features, merge_option, units_option
-from .output import fail, output_folder
+from .output import SEAL, fail, output_folder
 from .sphere import FILES as SPHERES
 from .sphere import sphere_of, write_sphere
 
@@ -67,7 +68,7 @@ report_option = click.option("--report", is_flag=True, help="Also write the page
     "[default: depth depth, curvature curvature, potential potential]",
 )
 @click.option("--no-features", is_flag=True, help="Landmarks alone, the paper's setting.")
-@click.option("--no-landmarks", is_flag=True, help="Features alone.")
+@click.option("--no-landmarks", is_flag=True, help="Features alone; curves only to be held out.")
 @click.option("--hold-out", multiple=True, metavar="NAME", help="Measure a curve, do not fit it.")
 @click.option("--uncertainty", is_flag=True, help=f"Also write {UNCERTAINTY}: the 90 % radius, mm.")
 @click.option("--sliding", is_flag=True, help="Let inner points slide along their target curves.")
@@ -109,7 +110,7 @@ def register(
       rows:        the map folded, and was repaired at more than 0.5 % of the vertices
       distortion:  |mu| is over 0.9 on more than 1 % of the surface
       areas:       they change over 32-fold on 5 % of the surface, by one curve alone over 256-fold
-      features:    those of the two sides hardly agree, have opposite signs, or lead far from places in space
+      features:    they hardly agree, have opposite signs, or probably lead to the wrong place
       worse:       a held-out curve fits clearly worse than after the best Möbius map
       units:       a surface has the length of a hemisphere in metres or micrometres: give --units
     """
@@ -121,9 +122,13 @@ def register(
     sphere = sphere and sphere_of(sides, sphere)
     features = given_features(sides, given, no_features, options["delta"])
     curves = read_landmarks(landmarks) if landmarks else {"curves": []}
-    if not landmarks and not no_landmarks:
-        curves["curves"] = curves_of_both(*(one.cut_surface for one in sides.values()))
-        if not curves["curves"] and features is None:
+    held = set(options["hold_out"])
+    if not landmarks and (held or not no_landmarks):
+        found = curves_of_both(*(one.cut_surface for one in sides.values()))
+        if no_landmarks and held <= {curve["name"] for curve in found}:
+            found = [curve for curve in found if curve["name"] in held]
+        curves["curves"] = found
+        if not found and features is None:
             raise qc.LandmarkError(
                 "the surfaces share no curve names (curve_<name> in their npz files); give --landmarks"
             )
@@ -160,6 +165,7 @@ def register_into(out, sides, mirrored, curves, sphere=None, *, report, accept_s
     moving, control = (one.cut_surface for one in sides.values())
     moving = qc.mirror(moving) if mirrored else moving
     seconds = {"read": time.perf_counter() - begun}
+    replaced = " (in place of an earlier result)" if Path(out, SEAL).exists() else ""
     with output_folder(out, instead=["report.html", UNCERTAINTY, *SPHERES]) as folder:
         result = run_registration(
             moving,
@@ -206,12 +212,12 @@ def register_into(out, sides, mirrored, curves, sphere=None, *, report, accept_s
         seconds["write"] = time.perf_counter() - start
         seconds["total"] = time.perf_counter() - begun
         contents["seconds"] = {stage: round(lasted, 4) for stage, lasted in seconds.items()}
-        (folder / "report.json").write_text(json.dumps(contents, indent=2) + "\n")
+        (folder / SEAL).write_text(json.dumps(contents, indent=2) + "\n")
         if report:
             from ..reports import write_pair
 
             write_pair(folder, folder / "report.html")
-    print_report(contents, out)
+    print_report(contents, out + replaced)
     if on_sphere:
         print(f"{'sphere':15s} {on_sphere}")
     if contents["suspect"]:

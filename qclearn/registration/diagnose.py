@@ -65,8 +65,8 @@ AGREEING_R = 0.7
 # Degrees, the mean angle on crude spheres between a place and where the map takes it: 6 to 12
 # between people whose curves end within 3.5 mm, 21 to 120 where they end over 10 mm off.
 ASTRAY = 16.0
-# Above this mean correlation the map is right even if the files' axes disagree: 0.86 to 0.92 where
-# curves end near, 0.5 to 0.81 where they end far off.
+# Above this mean correlation the map is right even if the files' axes disagree, or the walls: 0.86
+# to 0.92 where curves end near, 0.5 to 0.81 where they end far off.
 SURE_R = 0.85
 # Longest side of a triangle over its height: up to 321 in people's surfaces, 1.4e3 to 1e9 in needles
 # at which the map folds.
@@ -359,8 +359,8 @@ def differing_walls(moving, control):
         ratio = max(here, there) / min(here, there)
         yield (
             f"walls: the gap at the medial wall is {ratio:.1f} times as large on the {larger} as "
-            f"on the {smaller} side; cut both by one rule (?h.cortex.label), or see whether the "
-            "map is right beside it"
+            f"on the {smaller} side; cut both by one rule (?h.cortex.label), or give {FEWEST} "
+            "curves or more and see whether the map is right beside it"
         )
 
 
@@ -458,19 +458,27 @@ def disagreeing(features, f, fitted, walls=()):
         )
 
 
-def astray(pair, f):
-    """`features:` where the map f (V,) of a `SurfacePair`, led by folds, takes the surface far from
-    its place in space, and the folds do not agree so well that this place is to blame."""
+def astray(pair, f, walls=()):
+    """`features:` where the folds that led the map f (V,) of a `SurfacePair` do not agree so well
+    that it is right, and it takes the surface far from its place in space or there are `walls`, of
+    `differing_walls`."""
     here, there = pair.directions.spheres
     disk, features = pair.control.disk, pair.features
     degrees = features.areas @ between(disk.interpolate(there, disk.locate(f)), here)
     r = features.correlation(f, SCALE).mean()
-    if degrees > ASTRAY and r < SURE_R:
+    if r >= SURE_R:
+        return
+    if degrees > ASTRAY:
         yield (
             f"features: the map takes the surface {degrees:.0f} degrees on average from its place "
             f"in space, and the features agree little (r = {r:.2f} at {SCALE:g} mm): the fit began "
             "in a wrong place; give a landmark curve or two, or turn the surfaces alike in space "
             "(3D Slicer's files are in LPS, with x and y negated)"
+        )
+    elif walls:
+        yield (
+            f"features: between walls cut so differently they may have led the map astray (r = {r:.2f} "
+            f"at {SCALE:g} mm, less than {SURE_R}); cut both by one rule first, or give {FEWEST} curves"
         )
 
 

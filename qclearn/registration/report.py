@@ -53,7 +53,7 @@ def report_of(pair, weights, fit, points, wrong, stopped):
         # enough of them know the place in space.
         few = len(pair.curves) < FEWEST
         aligned = align_by_folds(pair).moving.disk.z if pair.curves and few else before
-        nearer = astray(pair, fit.f) if few else ()
+        nearer = astray(pair, fit.f, walls) if few else ()
         disagreements = [*disagreeing(features, aligned, fit.f, walls)] or [*nearer]
 
     # The surface: how much of it is stretched.

@@ -42,11 +42,12 @@ def test_the_command_and_python_make_the_pictures_map(tmp_path):
     for line in re.split(r"\n(?=qclearn)", found["command"]):
         program, *words = shlex.split(line)
         subprocess.run([*PROGRAMS[program], *words], cwd=tmp_path, check=True, capture_output=True)
-    report = json.loads((tmp_path / "tuned" / "report.json").read_text(encoding="utf-8"))
+    tuned = tmp_path / "tuned-1-0.02-500"
+    report = json.loads((tuned / "report.json").read_text(encoding="utf-8"))
     names = cortices("cortex").names
     assert [report[weight] for weight in ("alpha", "beta", "gamma")] == [1, 0.02, 500] and not report["features"]
     assert sorted(report["held_out_mm"]) == sorted(names[1::2])
-    maps, made = np.load(tmp_path / "tuned" / "registration.npz"), {}
+    maps, made = np.load(tuned / "registration.npz"), {}
     exec(found["python"], made)
     np.testing.assert_allclose(made["result"].points, maps["points"], atol=1e-6)
     # The picture's mesh is coarse and has half the landmarks. Moebius maps align the disk of
@@ -59,10 +60,12 @@ def test_the_command_and_python_make_the_pictures_map(tmp_path):
     assert apart < 1 and moved > 2
 
 
-def test_the_folds_command_differs_by_the_folds_alone(tmp_path):
-    found = copied(tmp_path, "cortex", delta=2.0, eta=5.0, landmarks="sliding")
-    assert "--sliding" in shlex.split(found["command"])
-    assert found["command"].replace("--no-features", "--delta 2 --eta 5") == found["folds"]
+def test_the_folds_command_has_the_weights_of_register_and_not_those_of_landmarks_alone(tmp_path):
+    weights = {"alpha": 0.5, "beta": 0.1, "gamma": 500, "delta": 2, "eta": 5}
+    found = copied(tmp_path, "cortex", landmarks="sliding", **weights)
+    words = "--alpha 0.5 --beta 0.1 --gamma 500 --no-features --sliding --out tuned-0.5-0.1-500"
+    assert found["command"].endswith(words)
+    assert found["folds"] == found["command"].replace(words, "--delta 2 --eta 5 --sliding --out tuned-2-5-folds")
 
 
 @pytest.mark.parametrize("changes", [{}, {"targets": {"4": [0.3, 0.1]}, "held": [1], "landmarks": "sliding"}])

@@ -57,6 +57,12 @@ def test_a_patch_of_a_hemisphere_is_told_of_its_walls_before_its_hand():
     assert report["bijective"] and report["suspect"][0].startswith("walls: ")
 
 
+def test_folds_alone_between_walls_cut_by_different_rules_are_suspect():
+    """The same brain, where folds alone lose the way and everything else that is measured looks good."""
+    report = qc.register(fsaverage5("left", wall="thickness"), LEFT, []).report
+    assert [reason.split(":")[0] for reason in report["suspect"]] == ["walls", "features"]
+
+
 def test_walls_cut_by_different_rules_are_told(wide):
     """Whose gap is larger, on the side that has it; not where folds alone make the area larger."""
     narrow = fsaverage5("left", wall="thickness")

@@ -45,7 +45,8 @@ def test_a_folder_that_register_wrote_is_tuned(notebook):
     notebook.until("own.found['held'] > own.found['fitted'] > 0")
     shown.root.get_by_role("button", name="Command with folds").click()
     command = shown.root.locator(".qc-live-copied").inner_text()
-    assert command.startswith("qclearn register rh.pial lh.pial --cortex ") and "--delta 3 --eta 3.5" in command
+    assert command.startswith("qclearn register rh.pial lh.pial --cortex ")
+    assert "--gamma 1000 --delta 3 --eta 3.5" in command
     shown.reset()
     notebook.until("own.state['gamma'] == own.live.initial['gamma'] and own.state['held'] == [1]")
     assert notebook.complaints == [] and notebook.from_elsewhere() == []

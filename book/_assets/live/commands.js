@@ -14,23 +14,22 @@ function reason({ again }, { starts, targets, solver }) {
   return solver === "exact" ? "" : "the map shown is not the reference fit";
 }
 
-// folds: whether folds are fitted, too, at delta and eta
+// folds: whether folds are fitted, too, at delta and eta; where the picture is of landmarks alone at the weights that
+// the surfaces were registered with, or the defaults: those that are best by landmarks alone need not be best with folds
 export function asCommand(state, folds = state.folds) {
   const problem = problemOf(state),
     why = reason(problem, state);
   if (why) return `No command makes this map: ${why}. "Copy as Python" gives its landmarks.`;
-  const { before, register, features = [] } = problem.again,
-    words = [
-      "qclearn",
-      "register",
-      ...register,
-      ...weightsOf(state).flatMap(([name, value]) => [`--${name}`, String(value)]),
-    ];
+  const { before, register, features = [], withFolds = {} } = problem.again,
+    weights = folds && !state.folds ? Object.entries(withFolds) : weightsOf(state),
+    words = ["qclearn", "register", ...register, ...weights.flatMap(([name, value]) => [`--${name}`, String(value)])];
   if (folds) words.push("--delta", String(state.delta), "--eta", String(state.eta), ...features);
   else words.push("--no-features");
   if (state.landmarks === "sliding") words.push("--sliding");
   for (const label of state.held) words.push("--hold-out", nameOf(problem, label));
-  return [...before, [...words, "--out", "tuned"]].map((line) => line.map(quoted).join(" ")).join("\n");
+  const values = [...weights, ...(folds ? [["delta", state.delta], ["eta", state.eta]] : [])].map(([, value]) => value),
+    out = ["tuned", ...values, ...(folds ? ["folds"] : [])].join("-"); // of its own, so that no command replaces another's
+  return [...before, [...words, "--out", out]].map((line) => line.map(quoted).join(" ")).join("\n");
 }
 
 export function asPython(state) {
