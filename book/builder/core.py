@@ -16,7 +16,6 @@ from .references import markdown_of
 
 CORE = ("firstregistration", "quasiconformal", "lbs", "freeboundary", "conformal", "registration")
 CORE += ("fit", "live", "worth", "whennetwork")
-FIRST = {"conformal", "registration"}  # of these pages the first section alone
 STAR = " ★"
 # A figure, or a part of it: fig-name@0-10-50-90 is from 0 to 50 % of its width and from 10 to 90 % of its height.
 THUMB, WIDTH = re.compile(r"_assets/thumbs/((fig-[\w-]+)(?:@(\d+)-(\d+)-(\d+)-(\d+))?)\.png"), 480
@@ -44,13 +43,12 @@ class Minutes(SphinxRole):
     """{minutes}`page`: how long it is to read."""
 
     def run(self):
-        return [nodes.Text(f"{round(minutes(self.text, first=self.text in FIRST))} min")], []
+        return [nodes.Text(f"{round(minutes(self.text))} min")], []
 
 
 def strip(page, **links):
     """A page's place on the core path, and links by the words before them."""
-    only = ": the first section" if page in FIRST else ""
-    place = nodes.strong("", f"Core {CORE.index(page) + 1} of {len(CORE)}{only}")
+    place = nodes.strong("", f"Core {CORE.index(page) + 1} of {len(CORE)}")
     found = nodes.paragraph("", "", place, classes=["core-strip"])
     for words, other in links.items():
         to = {"refdomain": "std", "reftype": "doc", "reftarget": other, "refdoc": page, "refexplicit": False}
@@ -59,15 +57,14 @@ def strip(page, **links):
 
 
 def mark(app, doctree):
-    """Put a page's place on the core path below its title and where its part ends, with links along the path."""
+    """Put a page's place on the core path below its title and at its end, with links along the path."""
     page = app.env.docname
     if page not in CORE:
         return
     k, section = CORE.index(page), next(doctree.findall(nodes.section))
     before, after = ({"before": CORE[k - 1]} if k else {}), {"next": (*CORE, "ownbrain")[k + 1]}
     section.insert(1, strip(page, **before, **after))
-    end = next(child for child in section if isinstance(child, nodes.section)) if page in FIRST else section
-    end += strip(page, **after)
+    section += strip(page, **after)
 
 
 def star(app, env):

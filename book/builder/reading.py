@@ -28,19 +28,14 @@ def minutes_of_text(text):
     return words / WORDS + equations / EQUATIONS + lines / LINES
 
 
-def minutes(page, book=BOOK, first=False):
-    """Minutes of a page of the book, or of its first section; code that is hidden costs none."""
+def minutes(page, book=BOOK):
+    """Minutes of a page of the book; code that is hidden costs none."""
     if (path := book / f"{page}.md").exists():
         return minutes_of_text(path.read_text(encoding="utf-8"))
-    total, sections = 0, 0
+    total = 0
     for cell in nbformat.read(book / f"{page}.ipynb", as_version=4).cells:
         if cell.cell_type == "markdown":
-            parts = re.split(r"^(?=## )", cell.source, flags=re.MULTILINE)
-            kept = parts[: 3 - sections - cell.source.startswith("## ")] if first else parts
-            total += minutes_of_text("".join(kept))
-            sections += len(parts) - 1
-            if first and sections > 1:
-                break
+            total += minutes_of_text(cell.source)
         elif "hide-input" not in cell.metadata.get("tags", []):
             total += len(cell.source.splitlines()) / LINES
     return total
