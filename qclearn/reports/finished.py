@@ -130,7 +130,8 @@ def read_finished(folder):
     missing = [name for name in FILES if not (folder / name).is_file()]
     if missing:
         names = " and no ".join(missing)
-        raise ReportError(f"{folder}: has no {names}; give a folder that `qclearn register` wrote")
+        fault = f"has no {names}" if folder.is_dir() else f"is no folder in {Path.cwd()}"
+        raise ReportError(f"{folder}: {fault}; give a folder that `qclearn register` wrote")
     arrays = read_registration(folder / FILES[0])
     report = read_report(folder / FILES[1])
     size = abs(arrays["mu"])

@@ -85,3 +85,5 @@ def test_a_folder_without_a_landmark_fit_is_refused_in_a_sentence(folder, says):
 def test_what_is_no_result_is_refused(tmp_path):
     with pytest.raises(ReportError, match="give a folder that `qclearn register` wrote"):
         Tuner(tmp_path)
+    with pytest.raises(ReportError, match=f"no/map: is no folder in {Path.cwd()}; give"):
+        Tuner("no/map")
