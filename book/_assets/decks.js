@@ -26,8 +26,18 @@ if (matchMedia("(min-width: 40rem)").matches) { // a telephone shows the slides 
     slideNumber: "c/t",
     transition: "none",
     touch: false,
-    keyboardCondition: ({ key }) => key.startsWith("Page") || !live(document.activeElement),
+    keyboardCondition: () => !live(document.activeElement),
   });
+  // Page Up and Page Down, which a presenter's remote sends, turn the slide and leave the explorable.
+  const turn = { PageUp: () => Reveal.prev(), PageDown: () => Reveal.next() };
+  const leave = (event) => {
+    if (!turn[event.key] || !live(document.activeElement)) return;
+    event.preventDefault();
+    event.stopPropagation();
+    document.activeElement.blur();
+    turn[event.key]();
+  };
+  addEventListener("keydown", leave, { capture: true });
   Reveal.on("ready", fitAll);
   Reveal.on("slidechanged", fitAll);
   const watcher = new ResizeObserver(fitAll); // tables grow as answers come

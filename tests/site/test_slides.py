@@ -30,6 +30,8 @@ FAULTS = """async () => {
     if (Reveal.isLastSlide() && !fragments.next) return found;
   }
 }"""
+# The slide that is shown, and the one that the address names.
+PLACE = "(() => [Reveal.getIndices().h, Number(location.hash.split('/')[1] ?? 0)])"
 # A fault for slide 1, in its words or at its picture, and what is said to it.
 PLANTED = {
     "too large": "h1.insertAdjacentHTML('afterend', '<p>word</p>'.repeat(30))",
@@ -77,7 +79,7 @@ def test_formulas_are_typeset_and_pictures_described(deck):
     assert axe_findings(deck.page, deck.page.locator(".slides")) == []
 
 
-def test_an_explorable_answers_and_keeps_its_keys(deck):
+def test_an_explorable_answers_and_keeps_its_keys_but_those_that_turn_the_page(deck):
     name = deck.page.locator(".qc-live").first.get_attribute("data-page")
     number = deck.page.evaluate(
         "e => [...document.querySelectorAll('.slides > section')].findIndex(s => s.querySelector('.qc-live'))"
@@ -86,7 +88,10 @@ def test_an_explorable_answers_and_keeps_its_keys(deck):
     shown = Explorable(deck, name)
     slider, before = shown.root.get_by_role("slider").first, shown.seen()
     shown.by_key(slider)
-    assert shown.seen() != before and deck.page.evaluate("() => Reveal.getIndices().h") == number
+    assert shown.seen() != before
+    for key, there in (("ArrowRight", number), ("PageUp", number - 1), ("ArrowRight", number)):
+        deck.page.keyboard.press(key)
+        deck.page.wait_for_function(f"there => {PLACE}().every((one) => one === there)", arg=there)
 
 
 def test_nothing_comes_from_elsewhere_and_nothing_complains(deck):
