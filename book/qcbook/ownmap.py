@@ -91,8 +91,10 @@ def note_of(report, vertices):
     says = ["Landmarks alone, on your own surfaces"]
     if report["features"]:
         weights = f"δ = {report['delta']:g}, η = {report.get('eta', 0.0):g}"
-        says.append(f"the folder's map also fits folds ({weights}), which need `register` again: Command with folds")
-        says.append("it keeps the folder's α, β, γ: weights best by landmarks alone need not be best with folds")
+        says.append(
+            f"the folder's map also fits folds ({weights}), which need `register` again by Command with folds, at the "
+            "folder's α, β and γ"
+        )
     if vertices > DRAWN:
         says.append(f"drawn on {DRAWN:,} of {vertices:,} vertices")
     return "; ".join(says) + "."

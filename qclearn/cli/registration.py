@@ -39,7 +39,7 @@ report_option = click.option("--report", is_flag=True, help="Also write the page
 @units_option
 @merge_option
 @click.option("--landmarks", help="JSON file of curves  [default: those in both npz, or none]")
-@click.option("--out", required=True, help="Folder to write to.")
+@click.option("--out", required=True, help="Folder to write to; replaces an earlier result there.")
 @click.option(
     "--method",
     type=click.Choice(["exact", "network"]),

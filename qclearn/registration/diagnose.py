@@ -360,7 +360,7 @@ def differing_walls(moving, control):
         yield (
             f"walls: the gap at the medial wall is {ratio:.1f} times as large on the {larger} as "
             f"on the {smaller} side; cut both by one rule (?h.cortex.label), or give {FEWEST} "
-            "curves or more and see whether the map is right beside it"
+            "curves or more, and hold out another beside it"
         )
 
 

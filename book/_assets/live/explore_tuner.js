@@ -157,9 +157,14 @@ const ofFolds = (name, label) => {
 };
 const choice = (name, label, options) => ({ kind: "choice", name, label, options: Object.entries(options) });
 const linear = (name, label, min, max, step) => ({ kind: "linear", name, label, min, max, step });
-const fitsFolds = { kind: "switch", name: "folds", label: "fit folds, too", also: (on) => (on ? foldsOf(problems) : {}) };
+const fitsFolds = {
+  kind: "switch",
+  name: "folds",
+  label: "fit folds, too (at the default α, β, γ)",
+  also: (on) => (on ? foldsOf(problems) : {}),
+};
 const problemChoice = { kind: "choice", name: "problem", label: "problem", also: fresh };
-const holds = { kind: "names", name: "held", label: "Sulci and mm off; press to hold out (blue): ", also: { folds: false } };
+const holds = { kind: "names", name: "held", label: "How far each is off; press to hold out (blue): ", also: { folds: false } };
 const rare = [
   { kind: "switch", name: "before", label: "where the best Möbius map alone takes the sulci (green)" },
   linear("unfold", "unfolded, 0 to 1", 0, 1, 0.05),
