@@ -69,10 +69,9 @@ class OwnMap:
 
         held = [k for k, curve in enumerate(checked) if curve.hold_out or curve.name in report["held_out_mm"]]
         weights = {name: report[name] for name in ("alpha", "beta", "gamma")}
-        if report["features"]:
-            if self.again:
-                self.again["withFolds"] = dict(weights)
-            weights |= {name: report[name] for name in ("delta", "eta") if report.get(name)}
+        if report["features"] and self.again:
+            of_folds = {"delta": report["delta"], "eta": report.get("eta", 0.0)}
+            self.again["withFolds"] = [*(weights | of_folds).items()]
         self.start = weights | {"problem": "own", "held": held if len(held) < len(names) else [], "shade": "mu"}
         self.note = note_of(report, len(self.control.vertices))
 

@@ -20,14 +20,15 @@ export function asCommand(state, folds = state.folds) {
   const problem = problemOf(state),
     why = reason(problem, state);
   if (why) return `No command makes this map: ${why}. "Copy as Python" gives its landmarks.`;
-  const { before, register, features = [], withFolds = {} } = problem.again,
-    weights = folds && !state.folds ? Object.entries(withFolds) : weightsOf(state),
+  const ofFolds = ["delta", "eta"].map((name) => [name, state[name]]),
+    { before, register, features = [], withFolds = ofFolds } = problem.again,
+    alone = folds && !state.folds,
+    weights = alone ? withFolds : [...weightsOf(state), ...(folds ? ofFolds : [])],
     words = ["qclearn", "register", ...register, ...weights.flatMap(([name, value]) => [`--${name}`, String(value)])];
-  if (folds) words.push("--delta", String(state.delta), "--eta", String(state.eta), ...features);
-  else words.push("--no-features");
+  words.push(...(folds ? features : ["--no-features"]));
   if (state.landmarks === "sliding") words.push("--sliding");
   for (const label of state.held) words.push("--hold-out", nameOf(problem, label));
-  const values = [...weights, ...(folds ? [["delta", state.delta], ["eta", state.eta]] : [])].map(([, value]) => value),
+  const values = weights.map(([, value]) => value),
     out = ["tuned", ...values, ...(folds ? ["folds"] : [])].join("-"); // of its own, so that no command replaces another's
   return [...before, [...words, "--out", out]].map((line) => line.map(quoted).join(" ")).join("\n");
 }
