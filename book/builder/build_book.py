@@ -65,7 +65,7 @@ def main():
             shutil.rmtree(SITE / name, ignore_errors=True)
         sphinx()
         pages = build_notebooks()
-        decks.write(SITE / "html" / "decks", "../_static")
+        decks.write(SITE / "html" / "decks", "../_static", r" \1(../\2.html)")
         if arguments.lab:
             from .lab_copies import write_lab  # as a program of its own it asks this one for the pages
 

@@ -64,7 +64,7 @@ def mark(app, doctree):
     k, section = CORE.index(page), next(doctree.findall(nodes.section))
     before, after = ({"before": CORE[k - 1]} if k else {}), {"next": (*CORE, "ownbrain")[k + 1]}
     section.insert(1, strip(page, **before, **after))
-    section += strip(page, **after)
+    section += strip(page, **before, **after)
 
 
 def star(app, env):

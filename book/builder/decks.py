@@ -7,6 +7,7 @@ and `make book` the same slides beside the site.
 
 import argparse
 import json
+import re
 import shutil
 
 import nbformat
@@ -20,6 +21,7 @@ from .execute_pages import BUILD, ROOT, SOURCE, execute_outdated, notebooks
 from .expressions import EVAL
 
 DECKS = BUILD / "decks"
+PAGE = re.compile(r" (\[[^\]]+\])\(\.\./(\w+)\.ipynb\)")  # of the book, at the end of a slide's words
 ASSETS = ("live", "vendor/mathjax", "vendor/reveal", "vendor/licenses", "decks.js", "decks.css", "favicon.svg")
 # On a telephone, without reveal, the slides stand below each other.
 TEMPLATE = """{% extends 'reveal/index.html.j2' %}
@@ -55,8 +57,9 @@ def executed(name):
     return notebook
 
 
-def write(folder, static):
-    """Write a page for each deck; it takes scripts and styles from `static`."""
+def write(folder, static, page=""):
+    """Write a page for each deck; it takes scripts and styles from `static`, and `page` is what a slide's
+    link to the book becomes."""
     settings = yaml.safe_load((ROOT / "_config.yml").read_text(encoding="utf-8"))
     # The site's settings of MathJax, and the signs that formulas stand between.
     tex = {"inlineMath": [["$", "$"]], "displayMath": [["$$", "$$"]], "tags": "none"}
@@ -66,9 +69,11 @@ def write(folder, static):
     for name in notebooks("decks"):
         notebook = executed(name)
         live = " ".join(EXPLORABLE.findall(json.dumps(notebook).replace('\\"', '"')))
-        page, _ = exporter.from_notebook_node(notebook, {"static": static, "mathjax": mathjax, "live": live})
+        for cell in notebook.cells:
+            cell.source = PAGE.sub(page, cell.source)
+        text, _ = exporter.from_notebook_node(notebook, {"static": static, "mathjax": mathjax, "live": live})
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / f"{name.removeprefix('decks/')}.html").write_text(page, encoding="utf-8")
+        (folder / f"{name.removeprefix('decks/')}.html").write_text(text, encoding="utf-8")
 
 
 def main():

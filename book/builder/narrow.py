@@ -1,13 +1,12 @@
-"""What a narrow window needs: code in tables may break at its signs, a short formula keeps the brackets
-and stops that touch it, and a wide figure gets a box in which it scrolls. The rest is in
+"""What a narrow window needs: code in tables may break at its signs, a short code and an option stay
+whole in the text, and a short formula keeps the brackets and stops that touch it. The rest is in
 `_assets/book.css`."""
 
 import re
 
 from docutils import nodes
 
-WIDE = 600  # pixels; a wider figure would have letters of 4 to 8 pixels on a telephone
-PIXELS = re.compile(r"([\d.]+)(?:px)?")
+SHORT_CODE = 24  # letters
 SHORT = 40  # letters of a formula's source; a longer one may have to be broken
 BEFORE, AFTER = re.compile(r"[(\[]+\Z"), re.compile(r"[,.;:!?)\]]+")
 SIGNS = re.compile(r"(?<=[/_:=,@])(?=\w)|(?<=\w)(?=\.\w)|(?<=\w-)(?=\w)")
@@ -39,8 +38,7 @@ def hold_together(formula):
 
 
 def fit(app, doctree, page):
-    """Let code in tables break at its signs, hold short formulas and their signs together, and put
-    wide figures into boxes."""
+    """Let code in tables break at its signs, hold options and short formulas together."""
     if app.builder.format != "html":
         return
     for code in [code for cell in doctree.findall(nodes.entry) for code in cell.findall(nodes.literal)]:
@@ -50,12 +48,9 @@ def fit(app, doctree, page):
     for formula in list(doctree.findall(nodes.math)):
         if len(formula.astext()) <= SHORT:
             hold_together(formula)
-    for picture in list(doctree.findall(nodes.image)):
-        pixels = PIXELS.fullmatch(picture.get("width", ""))
-        if isinstance(picture.parent, nodes.figure) and pixels and float(pixels[1]) > WIDE:
-            box = nodes.container(classes=["wide-picture"])
-            picture.replace_self(box)
-            box += picture
+    for code in doctree.findall(nodes.literal):
+        if len(code.astext()) <= SHORT_CODE:
+            code["classes"].append("unbroken")
 
 
 def setup(app):

@@ -162,5 +162,5 @@ def dbsnet_saves(rows):
     return (
         f"On {max(row['vertices'] for row in rows):,} vertices DBS-Net {words[compared(network, own[rival])]} "
         f"the whole pipeline of landmarks alone ({network:.1f} s beside {own[rival]:.1f} s with {RIVALS[rival]} "
-        "in its place); the paper reports that its networks save over nine tenths."
+        "in its place); the paper reports that its networks save over nine tenths of a harmonic map's time."
     )

@@ -7,6 +7,7 @@ import html
 import numpy as np
 
 from qclearn.interrupts import signals_wait
+from qclearn.io.fsaverage import demo_landmarks
 from qclearn.plane import Disk
 from qclearn.plane.disk import pairs
 from qclearn.plot import curve_legend, curves_plot, disk_axes, disk_plot, lines_plot, map_curves, polar_lines
@@ -78,24 +79,23 @@ def registration_disks(axes, registration, moving):
     return disk_plot(axes[3], before, moving.faces, abs(r.mu), vmin=0, vmax=0.6)
 
 
-def hemisphere_plot(ax, shape, values, disk, curves=(), side=-1, color="#F0E442", **colours):
-    """Draw one side of `shape`, a left hemisphere inflated, coloured by values (V,), with those of the
-    curves in its `disk` that lie there, numbered from 1.
-
-    side: -1 from outside (the front is on the left), 1 from inside. Returns the coloured artist.
-    """
+def hemisphere_plot(ax, shape, values, disk, curves=(), beside=(), color="#F0E442", **colours):
+    """Draw the outside of `shape`, a left hemisphere inflated, coloured by values (V,), with those of
+    the curves in its `disk` that lie there, numbered from 1, and those `beside` them, yellow and without
+    numbers. The front is on the left. Returns the coloured artist."""
     corners = shape.vertices[shape.faces]
-    outward = side * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 0]
+    outward = -np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 0]
     seen = np.flatnonzero(outward > 0)
-    faces = shape.faces[seen[np.argsort(side * corners[seen, :, 0].mean(1))]]  # the nearest last
-    x, y = side * shape.vertices[:, 1], shape.vertices[:, 2]
+    faces = shape.faces[seen[np.argsort(-corners[seen, :, 0].mean(1))]]  # the nearest last
+    x, y = -shape.vertices[:, 1], shape.vertices[:, 2]
     artist = ax.tripcolor(x, y, faces, values[faces].mean(1), rasterized=True, **colours)
-    for number, curve in enumerate(curves, 1):
+    for number, curve in [*enumerate(curves, 1), *((None, curve) for curve in beside)]:
         place = disk.locate(curve)
         if outward[place[0]].mean() > 0:
-            _, x, y = (disk.interpolate(shape.vertices, place) * [1, side, 1]).T
-            ax.plot(x, y, color=color, linewidth=2.5)
-            ax.text(x[len(x) // 2], y[len(y) // 2], str(number), **NUMBER)
+            _, x, y = (disk.interpolate(shape.vertices, place) * [1, -1, 1]).T
+            ax.plot(x, y, color=color if number else "#F0E442", linewidth=2.5)
+            if number:
+                ax.text(x[len(x) // 2], y[len(y) // 2], str(number), **NUMBER)
     ax.set_aspect("equal")
     ax.axis("off")
     return artist
@@ -121,12 +121,19 @@ def resolved_share(pixel_areas, largest=25.0):
     return float(pixel_areas[pixel_areas <= largest].sum() / pixel_areas.sum())
 
 
-def numbers_plot(ax, curves):
-    """Number complex curves of the disk from 1, beside the middle of each, on the side with more room; see
-    `sulci_in_words`."""
+def sulcus_numbers(names):
+    """The numbers that sulci have in all figures: their places among `demo_landmarks`."""
+    known = [curve["name"] for curve in demo_landmarks()["curves"]]
+    return [known.index(name) + 1 for name in names]
+
+
+def numbers_plot(ax, curves, names=None):
+    """Number complex curves of the disk (as `sulcus_numbers(names)`, or from 1), beside the middle of each, on the side
+    with more room."""
     taken = np.concatenate(list(curves))
     box = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "edgecolor": "0.3", "linewidth": 0.6}
-    for number, curve in enumerate(curves, 1):
+    numbers = range(1, len(curves) + 1) if names is None else sulcus_numbers(names)
+    for number, curve in zip(numbers, curves, strict=True):
         middle, along = curve[len(curve) // 2], curve[-1] - curve[0]
         aside = 0.08j * along / abs(along)
         sides = sorted((middle + aside, middle - aside), key=abs)  # if both have room, the one away from the rim
@@ -136,5 +143,6 @@ def numbers_plot(ax, curves):
 
 
 def sulci_in_words(names):
-    """The names for a caption, with the numbers of `numbers_plot`."""
-    return ", ".join(f"{number} {name}" for number, name in enumerate(names, 1))
+    """The names for a caption, with their numbers."""
+    names = list(names)
+    return ", ".join(f"{number} {name}" for number, name in sorted(zip(sulcus_numbers(names), names)))

@@ -22,7 +22,6 @@ from .cells import in_powers
 RINGS = 24  # of the polar mesh that carries the fit's unknowns: more gain little here, and take longer
 # Fewer levels than `register` has: a slider cannot wait.
 FOLD_LEVELS = (guided(12, 16.0, 2), Level(RINGS, 8.0, 2, "own", STALL_RATIO))
-BINS = np.linspace(0, 1, 41)
 
 
 @dataclass(frozen=True)
@@ -102,18 +101,19 @@ def sentences(states):
 
 
 def states_figure(example, states):
-    """A Matplotlib figure of an `Example`'s states (dict name -> FitState), a row each, empty
-    without a map: landmarks, the deformed grid, |mu| on the moving disk and its histogram."""
-    figure = Figure(figsize=(9.6, 3.1 * len(states)), layout="constrained")
-    figure.get_layout_engine().set(hspace=0.1)
-    rows = figure.subplots(len(states), 4, squeeze=False, gridspec_kw={"width_ratios": (1, 1, 1, 0.8)})
+    """A Matplotlib figure of an `Example`'s states (dict name -> FitState), a column each, empty
+    without a map: landmarks on the deformed grid, |mu| on the moving disk to one scale, and its histogram."""
+    figure = Figure(figsize=(5.8, 7.6), layout="constrained")
+    columns = figure.subplots(3, len(states), squeeze=False, gridspec_kw={"height_ratios": (3, 3, 2)}).T
     scale = example.radius.to_image if example.radius else np.asarray
-    for (name, state), row in zip(states.items(), rows):
-        for ax, title in zip(row, (name, "deformed grid", "|μ| on the moving disk", "triangles by |μ|")):
+    largest = max((abs(state.fit.mu).max() for state in states.values() if state.fit is not None), default=1)
+    for (name, state), column in zip(states.items(), columns):
+        for ax, title in zip(column, (name, "|μ| on the moving disk", "triangles by |μ|")):
             ax.set_title(title, fontsize=10)
-        landmarks_plot(disk_axes(row[0]), example.problem, scale)
+        landmarks_plot(disk_axes(column[0]), example.problem, scale)
         if state.fit is not None:
-            fit_plot(row, example, state.fit, scale)
+            colours = fit_plot(column, example, state.fit, scale, largest)
+            figure.colorbar(colours, ax=column[1], orientation="horizontal", shrink=0.7)
     return figure
 
 
@@ -128,20 +128,18 @@ def landmarks_plot(ax, problem, scale):
     ax.plot(target.real, target.imag, "s", color=CURVE_STYLES["target"]["color"], fillstyle="none", markersize=6)
 
 
-def fit_plot(row, example, fit, scale):
-    """A map in a row of four Axes, with its landmarks and folds."""
+def fit_plot(column, example, fit, scale, largest):
+    """A map in a column of three Axes, with its landmarks and folds; returns what is coloured by |mu|."""
     problem, radius = example.problem, example.radius
-    mapped = scale(problem.samples @ fit.f)
-    yellow = CURVE_STYLES["registered"]["color"]
-    row[0].plot(mapped.real, mapped.imag, "o", color=yellow, markeredgecolor="black", markersize=4)
-    for triangle in scale(fit.f)[problem.disk.faces[fit.flipped]]:
-        row[0].fill(triangle.real, triangle.imag, facecolor=FLIPPED_COLOUR, hatch="//", edgecolor="black")
     lines = [radius.from_image(line) if radius else line for line in square_lines(15, 61)]
     carried = map_curves(problem.disk, fit.f, lines)
-    lines_plot(disk_axes(row[1]), [scale(line) for line in carried], "#1F4E79")
+    lines_plot(column[0], [scale(line) for line in carried], "0.8")
+    mapped = scale(problem.samples @ fit.f)
+    yellow = CURVE_STYLES["registered"]["color"]
+    column[0].plot(mapped.real, mapped.imag, "o", color=yellow, markeredgecolor="black", markersize=4)
+    for triangle in scale(fit.f)[problem.disk.faces[fit.flipped]]:
+        column[0].fill(triangle.real, triangle.imag, facecolor=FLIPPED_COLOUR, hatch="//", edgecolor="black")
+    column[2].hist(np.minimum(abs(fit.mu), largest), np.linspace(0, largest, 41), color="#0072B2")
+    column[2].set(xlabel="|μ|", xlim=(0, largest), yticks=[])
     # A palette that is light where there is little to see: it is most of the disk.
-    look = {"cmap": "YlGnBu", "vmin": 0, "vmax": 1}
-    colours = disk_plot(row[2], scale(problem.disk.z), problem.disk.faces, abs(fit.mu), **look)
-    row[2].figure.colorbar(colours, ax=row[2], orientation="horizontal", ticks=(0, 0.5, 1), shrink=0.6)
-    row[3].hist(np.minimum(abs(fit.mu), 1), BINS, color="#0072B2")
-    row[3].set(xlabel="|μ|", xlim=(0, 1), yticks=[])
+    return disk_plot(column[1], scale(problem.disk.z), problem.disk.faces, abs(fit.mu), "YlGnBu", 0, largest)

@@ -82,8 +82,8 @@ def view_figure(view, panels, columns=3, width=3.4):
 class Gliding:
     """A picture of a `Registration` on `shape`, a surface with the control's faces, and a slider.
 
-    groups: (colour, moving curves in the disk or None for those that stay, curves of the control);
-    words: what is to be seen. `more` goes to `surface_scene`.
+    groups: (colour, curves in the disk, whether they move); those that stay are numbered from 1. words:
+    what is to be seen. `more` goes to `surface_scene`.
     """
 
     def __init__(self, registration, shape, groups, words, **more):
@@ -92,13 +92,16 @@ class Gliding:
         buffer = io.BytesIO()
         view.picture.save(buffer, "WEBP", quality=88)
         self.picture, self.box = base64.b64encode(buffer.getvalue()).decode(), view.box
-        self.lines = []
+        self.lines, self.numbers = [], ""
         for colour, curves, moves in groups:
             ends = map_curves(Disk(r.disk_moving, r.faces_moving), r.disk_map, curves) if moves else curves
-            for start, end in zip(curves, ends):
+            for number, (start, end) in enumerate(zip(curves, ends), 1):
                 places = [start + t * (end - start) for t in np.linspace(0, 1, STEPS if moves else 1)]
                 lines = [" ".join(f"{x:.1f},{y:.1f}" for x, y in curve) for curve in view.seen(places)]
                 self.lines.append((colour, lines))
+                if not moves and lines[0]:
+                    places = lines[0].split()
+                    self.numbers += self.number(number, *map(float, places[len(places) // 2].split(",")))
         view.plotter.close()
 
     def _repr_html_(self):
@@ -109,11 +112,21 @@ class Gliding:
 style="width:100%;max-height:max(16rem, calc(100vh - 26rem))">
 <image width="{width}" height="{height}" href="data:image/webp;base64,{self.picture}"/>
 <set attributeName="class" to="glided" begin="1s" dur="{SECONDS}s" onend="{ENDS}"/>
-<g fill="none" stroke-width="5" stroke-linejoin="round" style="filter:drop-shadow(0 0 2px black)">{lines}</g></svg>
+<g fill="none" stroke-width="5" stroke-linejoin="round" style="filter:drop-shadow(0 0 2px black)">{lines}</g>
+{self.numbers}</svg>
 <label style="display:flex;gap:0.8em;align-items:center;white-space:nowrap"><span>Möbius map</span>
 <input type="range" min="1" max="{end}" step="0.01" value="1" oninput="{SLIDE}"
 style="flex:1;min-width:0;min-height:2rem">
 <span>registered</span></label></figure>"""
+
+    @staticmethod
+    def number(number, x, y):
+        """A number in a white disk beside a place, where its curve and those that glide to it do not hide."""
+        x, y = f"{x - 26:.0f}", f"{y - 30:.0f}"
+        return (
+            f'<circle cx="{x}" cy="{y}" r="14" fill="white" stroke="black"/>'
+            f'<text x="{x}" y="{y}" dy="0.35em" text-anchor="middle" font-size="20">{number}</text>'
+        )
 
     @staticmethod
     def line(line):

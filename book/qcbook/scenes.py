@@ -258,16 +258,15 @@ def surface_picture(surface, values=None, direction=None, up=(0, 0, 1), height=1
     return pixels
 
 
-def registration_scene(registration, shape, registered=True, **more):
+def registration_scene(registration, shape, **more):
     """A Plotter of a `Registration`'s landmarks: registered curves yellow, targets red.
 
-    shape: the control surface, or another with its faces (inflated, say); registered=False: the
-    moving curves after the best Möbius map. `more` goes to `surface_scene`.
+    shape: the control surface, or another with its faces (inflated, say). `more` goes to
+    `surface_scene`.
     """
     r = registration
     moving, targets = (list(side) for side in zip(*r.curves.values()))
-    if registered:
-        moving = map_curves(Disk(r.disk_moving, r.faces_moving), r.disk_map, moving)
+    moving = map_curves(Disk(r.disk_moving, r.faces_moving), r.disk_map, moving)
     disk = Disk(r.disk_control, shape.faces)
     curves = [
         (disk.interpolate(shape.vertices, disk.locate(curve)), style)

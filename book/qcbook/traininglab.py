@@ -26,13 +26,13 @@ WAITS = "The lab trains in JupyterLab, where a kernel runs. This is what {second
 
 def curves_figure(lesson):
     """A lesson's loss and its error on an unseen example, step by step: a Figure."""
-    figure = Figure(figsize=(9.6, 2.8), dpi=80, layout="constrained")
-    axes = figure.subplots(1, 2)
+    figure = Figure(figsize=(5.8, 4.6), layout="constrained")
+    axes = figure.subplots(2, 1, sharex=True)
     for ax, name, title in zip(axes, ("loss", "unseen"), ("loss of the batch", lesson.what)):
         values = np.array([row[name] for row in lesson.history])
         ax.semilogy(np.arange(1, len(values) + 1), values, color="#0072B2")
-        ax.set_xlabel("step")
         ax.set_title(title, fontsize=10)
+    axes[1].set_xlabel("step")
     if lesson.least > 0:
         axes[1].axhline(lesson.least, color="#D55E00", linestyle="--", label="reference fit")
         axes[1].legend(frameon=False)
@@ -81,7 +81,8 @@ def power_slider(name, value, low, high, words):
 
 def image(figure, words):
     """A figure as HTML with a description."""
-    return f'<div class="wide-picture">{picture_html(drawn(figure)[0], words, " width=768")}</div>'
+    png, width = drawn(figure)
+    return picture_html(png, words, f' width={width} style="max-width:100%"')
 
 
 class TrainingLab(ipywidgets.VBox):
@@ -195,7 +196,7 @@ class LabPicture:
         picture, words = answer_of(self.lesson)
         waits = html.escape(WAITS.format(seconds=self.seconds))
         curves = image(curves_figure(self.lesson), "The loss and an unseen example over the steps of a short run.")
-        answer = "Landmarks, grid and coefficient of the reference fit above, of the trained network below."
+        answer = "Landmarks on the grid, |μ| and its histogram: reference fit on the left, network on the right."
         return f"<p>{waits}</p>{curves}{image(picture, answer)}{words}"
 
 

@@ -29,7 +29,7 @@ def test_each_slide_is_a_title_few_words_one_picture_and_notes(name):
             slides[-1].append((cell.cell_type, cell.source))
     assert 7 <= len(slides) <= 9 and DECKS[name].metadata.title == slides[0][0][1].splitlines()[0].removeprefix("# ")
     for (_, words), (_, code), (_, notes) in slides:
-        assert re.match(r"##? .+\n\n.{20,230}$", words) and len(notes) > 40, words
+        assert re.match(r"##? .+\n\n.{20,230} \[.+\]\(\.\./\w+\.ipynb\)$", words) and len(notes) > 40, words
         assert len(re.findall(r"^(?:slide|explorable)\(", code, re.MULTILINE)) == 1, words
     assert sum("explorable(" in code for _, (_, code), _ in slides) == 1
 
@@ -37,7 +37,7 @@ def test_each_slide_is_a_title_few_words_one_picture_and_notes(name):
 def test_words_have_the_numbers_of_the_run_and_nothing_comes_from_elsewhere(tmp_path, monkeypatch):
     monkeypatch.setattr(decks, "SOURCE", tmp_path)
     answers = [{"result": {"status": "ok", "data": {"text/plain": text}}} for text in ("'1.25'", "7")]
-    words = new_markdown_cell('## One\n\n{eval}`f"{x:.2f}"` and {eval}`y`', metadata={"user_expressions": answers})
+    words = new_markdown_cell('## One\n\n{eval}`f"{x:.2f}"` and {eval}`y` [The fit](../fit.ipynb)', metadata={"user_expressions": answers})
     live = new_output("display_data", data={"text/html": '<div class="qc-live" data-page="lbs"></div>'})
     cells = [words, new_code_cell("code", outputs=[live]), new_markdown_cell("said")]
     for cell, kind in zip(cells, ("slide", "-", "notes")):
@@ -45,11 +45,11 @@ def test_words_have_the_numbers_of_the_run_and_nothing_comes_from_elsewhere(tmp_
     for name in DECKS:
         (tmp_path / name).parent.mkdir(exist_ok=True)
         nbformat.write(new_notebook(cells=cells, metadata={"title": "A deck"}), tmp_path / f"{name}.ipynb")
-    decks.write(tmp_path / "out", "../_static")
+    decks.write(tmp_path / "out", "../_static", r" \1(../\2.html)")
     assert {f"decks/{path.stem}" for path in (tmp_path / "out").iterdir()} == set(DECKS)
     for path in (tmp_path / "out").iterdir():
         text = path.read_text(encoding="utf-8")
-        assert "1.25 and 7" in text and 'data-explorables="lbs"' in text and "<title>A deck</title>" in text
+        assert '1.25 and 7 <a href="../fit.html">The fit</a>' in text and 'data-explorables="lbs"' in text and "<title>A deck</title>" in text
         assert "http" not in text and ">code<" not in text and "../_static/vendor/reveal/reveal.js" in text
 
 

@@ -28,10 +28,24 @@ def joined(*cells):
     return [(one.get("hide_mode"), [block.astext() for block in one.children[0]]) for one in page]
 
 
-def test_the_bar_of_a_folded_cell_names_the_figure_that_it_makes():
-    cells = cell("a = 1", True), cell('show_figure(a, "fig-a", "words")', True, True), cell("a", True, True)
+def test_the_bar_of_a_folded_cell_names_what_it_makes():
+    cells = [
+        cell('show_figure(a, "fig-a", "words")', True, True),
+        *(cell("a", True, True) for _ in range(4)),
+        cell("b", True),
+    ]
+    for one, made in zip(cells[1:], ("12", "<table>", "<iframe>", "<div class=qc-live>"), strict=False):
+        one.children[1] += nodes.raw(made, made, format="html")
     joined(*cells)
-    assert [one.get("prompt_show") for one in cells[1:]] == ["Show the code of Fig. 3.1", "Show the code"]
+    made = (
+        "Fig. 3.1",
+        "the output below",
+        "the table below",
+        "the picture below",
+        "the explorable below",
+        "the numbers in the text",
+    )
+    assert [one.get("prompt_show") for one in cells] == [f"Show the code of {what}" for what in made]
 
 
 def test_a_folded_cell_that_prints_nothing_joins_the_next_folded_one_but_not_across_visible_code():

@@ -14,7 +14,7 @@ async () => {
   if (root.scrollWidth > root.clientWidth) found.push(`the page scrolls sideways: ${root.scrollWidth} > ${root.clientWidth}`);
 
   // A box that is made to scroll sideways: it has a shadow for the eye, and the keyboard reaches it.
-  const BOXES = ".pst-scrollable-table-container, mjx-container, .wide-picture";
+  const BOXES = ".pst-scrollable-table-container, mjx-container";
   for (const box of all(BOXES)) {
     if (!scrolls(box) || box.scrollWidth <= box.clientWidth + 1) continue;
     if (!getComputedStyle(box).backgroundAttachment.includes("local")) say("it scrolls without a shadow", box);

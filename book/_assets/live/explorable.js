@@ -147,9 +147,10 @@ export class Explorable {
     this.status.dataset.loud = loud;
     const bars = this.spec
       .bars(state, answer)
-      .map(({ name, parts, words }) =>
-        make("div", { role: "img", ariaLabel: words, title: words }, make("b", { textContent: name }), ...parts.map(part)),
-      );
+      .flatMap(({ name, parts, words }) => [
+        make("div", { ariaHidden: "true" }, make("b", { textContent: name }), ...parts.map(part)),
+        make("small", { textContent: words }),
+      ]);
     this.bars.replaceChildren(...bars);
     this.sides.replaceChildren(...tableRows(this.spec.sides(state, answer) ?? []));
   }

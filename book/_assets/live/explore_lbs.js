@@ -206,7 +206,7 @@ export default {
       `From ${asked ? `the ${state.asked}` : "the identity"} it is up to ${short(off)} away`,
       `${negative} of ${edges} edges have a negative weight`,
     ];
-    return `${said.join(". ")}. Exact on this mesh of ${SIZE[0]} rings and ${SIZE[1]} spokes, in ${ms.toFixed(0)} ms.`;
+    return `${said.join(". ")}. Solved on a mesh of ${SIZE[0]} rings and ${SIZE[1]} spokes, in ${ms.toFixed(0)} ms.`;
   },
   data(state, { w, size, folds, pins, mu, ...numbers }) {
     return { map: interleaved(w), folds: folds.length, targets: pins.map(({ target }) => target), ...numbers };

@@ -28,17 +28,11 @@ export function sentence(side) {
 // the weighted terms as shares of their sum, a bar for each side
 export function bars(sides) {
   return sides.map(({ name, exact, state: weights }) => {
-    const parts = Object.entries(TERMS).map(([term, [label, weight, letter]]) => [
-        `${letter} ${label}`,
-        weights[weight] * exact[term],
-      ]),
-      sum = parts.reduce((all, [, value]) => all + value, 0),
-      shares = parts.map(([label, value]) => `${label} ${Math.round((100 * value) / sum)} %`);
-    return {
-      name,
-      parts: parts.map(([, value], k) => [shares[k], (100 * value) / sum]),
-      words: `Of L_CP = ${short(exact.L_CP)}: ${shares.join(", ")}`,
-    };
+    const terms = Object.entries(TERMS).map(([term, [label, weight, letter]]) => [letter, label, weights[weight] * exact[term]]),
+      sum = terms.reduce((all, [, , value]) => all + value, 0),
+      parts = terms.map(([letter, , value]) => [letter, (100 * value) / sum]),
+      shares = terms.map(([letter, label], k) => `${letter} ${label} ${Math.round(parts[k][1])} %`);
+    return { name, parts, words: `Of L_CP = ${short(exact.L_CP)}: ${shares.join(", ")}` };
   });
 }
 

@@ -46,7 +46,7 @@ export class Solid extends Picture {
     pen.linkProgram(program);
     pen.useProgram(program);
     pen.enable(pen.DEPTH_TEST);
-    pen.clearColor(1, 1, 1, 1);
+    pen.clearColor(0, 0, 0, 0); // the page's ground
     pen.getExtension("OES_element_index_uint");
     this.place = (name) => pen.getUniformLocation(program, name);
     this.slots = Object.fromEntries(Object.keys(PARTS).map((name) => [name, pen.getAttribLocation(program, name)]));
