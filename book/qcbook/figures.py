@@ -70,7 +70,7 @@ def registration_disks(axes, registration, moving):
         disk_plot(ax, z, moving.faces, curvature, cmap="gray", vmin=-80, vmax=335)
         curves_plot(ax, registered, "registered")
         curves_plot(ax, [radius.to_image(curve) for curve in targets], "target")
-        numbers_plot(ax, [radius.to_image(curve) for curve in targets])
+        numbers_plot(ax, [radius.to_image(curve) for curve in targets], r.curves)
         ax.set_title(title)
     mapped_legend(axes[0])
     lines_plot(disk_axes(axes[2]), mapped[len(curves) :], "#1F4E79")
