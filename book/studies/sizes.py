@@ -1,7 +1,7 @@
 """Measure whole chains of registration at three sizes: fsaverage5 as it is, and with its faces
 split once and twice.
 
-    python -m book.studies.sizes
+    python -m book.studies.sizes --out sizes.json
 
 CPU seconds of one thread, the least of the repetitions. All chains begin with the two disk maps and
 LD-Net's landmarks. Then come the paper's networks; in DBS-Net's place conjugate gradients on the
@@ -14,6 +14,7 @@ its own, which reads the two surfaces. The synthetic ones are grown first where 
 which is not measured and takes about three minutes for one of 80,000 vertices.
 """
 
+import argparse
 import sys
 import time
 import warnings
@@ -26,7 +27,7 @@ import torch
 from threadpoolctl import threadpool_limits
 
 from data_synth import hemispheres
-from qclearn.benchmark.measured import RESULTS, write_measured
+from qclearn.benchmark.measured import write_measured
 from qclearn.benchmark.methods.harmonic import unfold
 from qclearn.benchmark.methods.solver import LandmarkSolver
 from qclearn.io.fsaverage import fsaverage5, named_sulci
@@ -64,7 +65,14 @@ SULCI = (  # in the order that the paper's networks were trained on
 )
 
 
+def read_options():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, required=True, help="JSON file to write")
+    return parser.parse_args()
+
+
 def main():
+    out = read_options().out
     torch.set_num_threads(1)
     surfaces = mirror(fsaverage5("right")), fsaverage5("left")
     marks = [landmarks(*pair) for pair in zip(surfaces, ("right", "left"))]
@@ -85,7 +93,7 @@ def main():
             maps += [{"vertices": vertices, "chain": chain, **figures} for chain, figures in found.items()]
     figures = {"rows": rows, "maps": maps, "landmarks": POINTS * len(SULCI), "repetitions": repetitions, "threads": 1}
     figures["folds"] = folds({"fsaverage5": sides})
-    write_measured("sizes", RESULTS / "sizes.json", figures | {"provenance": provenance()})
+    write_measured("sizes", out, figures | {"provenance": provenance()})
 
 
 def landmarks(surface, hemisphere):

@@ -16,6 +16,7 @@ from prose import typed_results
 from book.builder import references
 from book.builder.references import markdown_of
 from qcbook import chain_seconds, paper_lines, paper_table, paperlines, saving
+from qclearn.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
 LINES = paper_lines(ROOT / "book" / "paper.toml")
@@ -165,6 +166,21 @@ def test_every_test_is_collected(request):
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
         found |= {line.split("[")[0] for line in done.stdout.splitlines()}
     assert asked - found == set()
+
+
+COMMANDS = sorted({line["command"] for own in LINES.values() for line in own})
+
+
+@pytest.mark.parametrize("command", [line for line in COMMANDS if "pytest" not in line and "build_book" not in line])
+def test_a_command_has_options_that_its_program_knows(command, monkeypatch):
+    name, *options = command.removeprefix("python -m ").split()
+    if name == "qclearn":
+        with pytest.raises(SystemExit) as left:
+            main([*options, "--help"])
+        assert left.value.code in (None, 0)
+    else:
+        monkeypatch.setattr(sys, "argv", [name, *options])
+        import_module(name).read_options()
 
 
 # Measured lines
