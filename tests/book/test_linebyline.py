@@ -175,9 +175,7 @@ COMMANDS = sorted({line["command"] for own in LINES.values() for line in own})
 def test_a_command_has_options_that_its_program_knows(command, monkeypatch):
     name, *options = command.removeprefix("python -m ").split()
     if name == "qclearn":
-        with pytest.raises(SystemExit) as left:
-            main([*options, "--help"])
-        assert left.value.code in (None, 0)
+        main([*options, "--help"])
     else:
         monkeypatch.setattr(sys, "argv", [name, *options])
         import_module(name).read_options()
