@@ -47,8 +47,12 @@ def read_bytes(path):
         data = gzip.decompress(data) if data.startswith(b"\x1f\x8b") else data
     except (OSError, EOFError, zlib.error) as error:
         reason = getattr(error, "strerror", None) or error  # damaged gzip has none
-        what = f"the link to {path.readlink()}" if path.is_symlink() else "the name"
-        advice = f"check {what} and copy the file again"
+        if path.is_symlink():
+            advice = f"check the link to {path.readlink()} and copy the file again"
+        elif isinstance(error, FileNotFoundError):
+            advice = "check the name and the folder"
+        else:
+            advice = "copy the file again"
         raise SurfaceError(f"{path}: cannot be read ({reason}); {advice}") from None
     if not data:
         raise SurfaceError(f"{path}: the file is empty; copy or export it again")
