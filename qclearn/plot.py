@@ -152,7 +152,7 @@ def drawn_part(disk, surface):
 
 def _label_registration(figure, rows, colours, report):
     titles = (
-        "mean curvature, detected curves" if report["curves"] else "mean curvature of the control",
+        "mean curvature, curves" if report["curves"] else "mean curvature of the control",
         "after the map" if report["curves"] else "of the moving surface, after the map",
         "polar grid after the map",
         r"$|\mu|$ on the moving disk",
@@ -166,6 +166,8 @@ def _label_registration(figure, rows, colours, report):
         ax.text(-0.03, 0.5, text, transform=ax.transAxes, **beside)
     for ax, style in zip(rows[1], ("detected", "registered") if report["curves"] else ()):
         curve_legend(ax, style, "target")
+    if report["curves"]:  # detected here, or given
+        rows[1, 0].get_legend().get_texts()[0].set_text("moving")
     place = rows[1, 3].get_position()
     bar = figure.add_axes((place.x0 + 0.2 * place.width, 0.07, 0.6 * place.width, 0.018))
     figure.colorbar(colours, cax=bar, orientation="horizontal", ticks=(0, 0.5, 1))

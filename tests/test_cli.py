@@ -125,6 +125,13 @@ def test_options_reach_register_under_their_names(recorded, words, changed):
     assert [curve["name"] for curve in curves["curves"]] == ["east", "north"]  # those of both files
 
 
+def test_curves_of_one_side_alone_are_told(recorded, folder, capsys):
+    assert recorded("moving.npz", "plain.ply")[2]["curves"] == []
+    assert "curves on one side alone are left out: east, north" in capsys.readouterr().err
+    recorded(*PAIR)
+    assert capsys.readouterr().err == ""
+
+
 def test_maps_landmarks_mirror_and_units_reach_it(recorded, folder):
     np.save(folder / "moving.sulc.npy", np.arange(193.0))
     ((feature, weight),) = recorded(*PAIR, "--feature", "moving.sulc.npy", "map.txt:0.25")[3]["features"]

@@ -162,6 +162,6 @@ def dbsnet_saves(rows):
     return (
         f"On {max(row['vertices'] for row in rows):,} vertices the paper's DBS-Net, corrected, "
         f"{words[compared(network, own[rival])]} "
-        f"the whole pipeline of landmarks alone ({network:.1f} s beside {own[rival]:.1f} s with {RIVALS[rival]} "
+        f"the whole pipeline, by landmarks alone ({network:.1f} s beside {own[rival]:.1f} s with {RIVALS[rival]} "
         "in its place); the paper reports that its networks save over nine tenths of a harmonic map's time."
     )

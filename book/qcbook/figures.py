@@ -76,7 +76,7 @@ def registration_disks(axes, registration, moving):
     lines_plot(disk_axes(axes[2]), mapped[len(curves) :], "#1F4E79")
     axes[2].set_title("polar grid after the map")
     axes[3].set_title(r"$|\mu|$")
-    return disk_plot(axes[3], before, moving.faces, abs(r.mu), vmin=0, vmax=0.6)
+    return disk_plot(axes[3], before, moving.faces, abs(r.mu), vmin=0)
 
 
 def hemisphere_plot(ax, shape, values, disk, curves=(), beside=(), color="#F0E442", **colours):
@@ -137,7 +137,7 @@ def numbers_plot(ax, curves, names=None):
         middle, along = curve[len(curve) // 2], curve[-1] - curve[0]
         aside = 0.08j * along / abs(along)
         sides = sorted((middle + aside, middle - aside), key=abs)  # if both have room, the one away from the rim
-        place = max(sides, key=lambda side: min(0.07, abs(taken - side).min()))
+        place = max(sides, key=lambda side: min(0.1, abs(taken - side).min()))
         taken = np.append(taken, place)
         ax.text(place.real, place.imag, str(number), fontsize=8, ha="center", va="center", zorder=7, bbox=box)
 

@@ -121,8 +121,8 @@ style="flex:1;min-width:0;min-height:2rem">
 
     @staticmethod
     def number(number, x, y):
-        """A number in a white disk beside a place, where its curve and those that glide to it do not hide."""
-        x, y = f"{x - 26:.0f}", f"{y - 30:.0f}"
+        """A number in a white disk at a place."""
+        x, y = f"{x:.0f}", f"{y:.0f}"
         return (
             f'<circle cx="{x}" cy="{y}" r="14" fill="white" stroke="black"/>'
             f'<text x="{x}" y="{y}" dy="0.35em" text-anchor="middle" font-size="20">{number}</text>'

@@ -17,7 +17,7 @@ from ..registration.curves import curves_of_both, on_cut_surfaces, read_landmark
 from ..registration.problem import DELTA, DELTA_BY_DISKS, ETA, Weights
 from ..registration.register import register as run_registration
 from .given import given_features, merge_option, units_option
-from .output import SEAL, fail, output_folder
+from .output import SEAL, fail, output_folder, warn
 from .sphere import FILES as SPHERES
 from .sphere import sphere_of, write_sphere
 
@@ -125,6 +125,8 @@ def register(
     held = set(options["hold_out"])
     if not landmarks and (held or not no_landmarks):
         found = curves_of_both(*(one.cut_surface for one in sides.values()))
+        named = {name for one in sides.values() for name in one.cut_surface.curves}
+        lone = sorted(named - {curve["name"] for curve in found})
         if no_landmarks and held <= {curve["name"] for curve in found}:
             found = [curve for curve in found if curve["name"] in held]
         curves["curves"] = found
@@ -132,6 +134,8 @@ def register(
             raise qc.LandmarkError(
                 "the surfaces share no curve names (curve_<name> in their npz files); give --landmarks"
             )
+        if lone:
+            warn(f"curves on one side alone are left out: {', '.join(lone)}")
     register_into(out, sides, mirror, curves, sphere, features=features, **options)
 
 
