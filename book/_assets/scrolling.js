@@ -4,24 +4,37 @@
   // The theme calls a colour mode that nobody has chosen yet invalid, in the console, and takes this one.
   document.documentElement.dataset.mode ||= "auto";
 
+  // In a narrow window equations that stand side by side stand below each other: before MathJax, which is deferred, sees them.
+  const rows = () => document.querySelectorAll("div.math").forEach(({ lastChild: text }) => {
+    text.data = text.data.replaceAll("\\qquad", "\\\\");
+  });
+  if (innerWidth < 600) document.addEventListener("readystatechange", rows, { once: true });
+
   const BOXES = { ".pst-scrollable-table-container": "table", "mjx-container[display]": "formula" };
-  const widths = new WeakMap(); // of tables that have once been too wide
-  const stack = (box) => {
+  const TALL = 0.45; // of the table's width: a row that is higher has columns that are too narrow
+  const widths = new WeakMap(); // below which a table is stacked
+  const squeezed = (box) =>
+    box.scrollWidth > box.clientWidth + 1 ||
+    Math.max(...Array.from(box.querySelectorAll("tbody tr"), (row) => row.offsetHeight)) > TALL * box.clientWidth;
+  const label = (box) => {
     const names = [...box.querySelectorAll("thead tr:last-child th")];
-    if (names.length < 3) return;
-    if (!widths.has(box) && box.scrollWidth > box.clientWidth + 1) {
-      widths.set(box, box.scrollWidth);
-      for (const row of box.querySelectorAll("tbody tr")) {
-        [...row.cells].slice(1).forEach((cell, k) => {
-          if (!cell.textContent.trim()) return;
-          const name = document.createElement("span");
-          name.className = "column-name";
-          name.append(...[...names[k + 1].childNodes].map((node) => node.cloneNode(true)));
-          cell.prepend(name);
-        });
-      }
+    for (const row of box.querySelectorAll("tbody tr")) {
+      [...row.cells].forEach((cell, k) => {
+        if (!cell.textContent.trim() || !names[k].textContent.trim()) return;
+        const name = document.createElement("span");
+        name.className = "column-name";
+        name.append(...Array.from(names[k].childNodes, (node) => node.cloneNode(true)));
+        cell.prepend(name);
+      });
     }
-    box.classList.toggle("stacked", widths.get(box) > box.clientWidth + 1);
+  };
+  const stack = (box) => {
+    if (!box.clientWidth || box.querySelectorAll("thead tr:last-child th").length < 2) return;
+    if (!box.classList.contains("stacked") && squeezed(box)) {
+      if (!widths.has(box)) label(box);
+      widths.set(box, Math.max(box.scrollWidth, box.clientWidth + 1));
+    }
+    box.classList.toggle("stacked", box.clientWidth < (widths.get(box) ?? 0));
   };
   const watcher = new ResizeObserver((changed) => {
     for (const { target: box } of changed) {
@@ -35,5 +48,7 @@
   window.addEventListener("load", async () => {
     await window.MathJax?.startup?.promise;
     for (const box of document.querySelectorAll(Object.keys(BOXES))) watcher.observe(box);
+    // Formulas above the place that a link leads to have changed their heights.
+    if (location.hash) document.getElementById(decodeURIComponent(location.hash.slice(1)))?.scrollIntoView();
   });
 })();

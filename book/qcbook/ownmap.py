@@ -34,17 +34,20 @@ class OwnMap:
         report, arrays = finished.report, finished.arrays
         if report.get("stopped"):
             why = "; ".join(report["suspect"])
-            raise ReportError(f"{folder}: `register` found the landmarks wrong, and fitted nothing to tune; {why}")
+            raise ReportError(
+                f"{folder}: `register` found the landmarks or the surfaces wrong, and fitted nothing to tune; {why}"
+            )
         self.moving, self.control = finished.moving.surface, finished.control.surface
         self.again = command_words(report["command"])
         if self.again:
             lines = [f"own = Tuner({str(folder)!r})", "moving, control, curves = own.moving, own.control, own.curves"]
             self.again["python"] = ["from qcbook import Tuner", "", *lines]
         given = report.get("landmarks", {}).get("curves")
-        if not given:
+        if not given or not report["curves"]:
             advice = "register with --landmarks to tune them"
             if self.again:
-                words = shlex.join(["qclearn", "register", *self.again["register"]])
+                held = [word for name in report["held_out_mm"] for word in ("--hold-out", name)]
+                words = shlex.join(["qclearn", "register", *self.again["register"], *held])
                 advice += f", or tune folds by: {words} --delta {DELTA:g} --eta {ETA:g} --out tuned"
             raise ReportError(f"{folder}: was registered by folds alone, and the tuner moves landmarks; {advice}")
 

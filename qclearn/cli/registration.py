@@ -269,7 +269,12 @@ def print_report(report, out):
         before, after = np.mean(list(report["held_out_mm"].values()), axis=0)
         text = f"{after:.2f} mm, mean of the curves ({before:.2f} after the best Möbius map)"
         line("held out", text)
-        line("", ", ".join(f"{name} {after:.2f}" for name, (_, after) in report["held_out_mm"].items()))
+        line(
+            "",
+            ", ".join(f"{name} {after:.2f}" for name, (_, after) in report["held_out_mm"].items()),
+        )
+    if report["start"].startswith("by spheres"):
+        line("start", "by spheres, not at the best Möbius map, which is no yardstick here")
     for name, (before, after) in report["r"].items():
         line(f"r({name})", f"{after:.3f} ({before:.3f} after the best Möbius map)")
     mean, deviation, most = (report[f"{name}_abs_mu"] for name in ("mean", "sd", "max"))

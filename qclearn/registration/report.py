@@ -16,9 +16,9 @@ from .diagnose import FEWEST, align_by_folds, astray, differing_walls, disagreei
 # mm.
 ERRORS = ("landmark_error_before", "landmark_error", "landmark_error_mm")
 STOPPED = (
-    "the landmarks are wrong (see suspect), so nothing was fitted: this is the Möbius map that "
-    "aligns the ends of the curves, or the folds; features, held-out curves and the radius "
-    "were not computed; correct the landmarks, or fit them as they are by accept_suspect=True, "
+    "the landmarks or the surfaces are wrong (see suspect), so nothing was fitted: this is the "
+    "Möbius map that aligns the ends of the curves, or the folds; features, held-out curves and the "
+    "radius were not computed; correct them, or fit them as they are by accept_suspect=True, "
     "--accept-suspect"
 )
 SMALLEST_RATIO = 1e-6  # of a face's area to its share, where it is measured

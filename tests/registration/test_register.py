@@ -154,7 +154,7 @@ def test_wrong_landmarks_are_told_before_anything_is_fitted(monkeypatch):
     held = [*curves, {"name": "held", "moving": spoke(9), "control": spoke(9)}]
     result = register(bowl(0.6), bowl(0.9), held, uncertainty=False, hold_out=["held"])
     report = result.report
-    assert report["stopped"].startswith("the landmarks are wrong") and fitted["stopped"] is None
+    assert report["stopped"].startswith("the landmarks or the surfaces are wrong") and fitted["stopped"] is None
     assert report["suspect"] == fitted["suspect"][:1] and report["suspect"][0].startswith("reversed: 'spoke 1' fits")
     assert report["bijective"] and report["flipped"] == 0 and report["held_out_mm"] == report["r"] == {}
     np.testing.assert_array_equal(result.disk_map, result.disk_moving)

@@ -241,9 +241,12 @@ export class Explorable {
       make("button", { textContent: "Compare" }),
       said,
     );
+    let asked = null; // the state in which the guess was made: the reader may move before he compares
+    input.addEventListener("input", () => (asked ??= structuredClone(this.state)));
     form.addEventListener("submit", async (event) => {
       event.preventDefault();
-      const truth = await question.truth(structuredClone(this.state), this.host);
+      const truth = await question.truth(asked ?? structuredClone(this.state), this.host);
+      asked = null;
       said.textContent = `You said ${Number(input.value)}; it is ${Number(truth.toPrecision(3))}. ${question.why}`;
     });
     return form;

@@ -131,6 +131,7 @@ function draw([surface, disk, trade, moving], state, found) {
     now = [JSON.stringify([state, disk.chosen]), ...sides.map(({ shown }) => shown)];
   if (now.length !== drawn.length || now.some((one, k) => one !== drawn[k])) drawMaps(surface, disk, state, sides);
   drawn = now;
+  disk.canvas.classList.add("qc-live-heat"); // its colours are those of the surface, in the dark, too
   drawChart(trade, sides.at(-1), sweeps.get(sweepKey(state)) ?? []);
   drawMoving(moving, sides.at(-1));
 }
@@ -201,7 +202,10 @@ export default {
   answer,
   afterwards,
   draw,
-  sentence: (state, found) => sentence(sidesOf(state, found).at(-1)),
+  sentence(state, found) {
+    const { words, loud } = sentence(sidesOf(state, found).at(-1));
+    return { words: found.coarse ? `Still fitting. ${words}` : words, loud };
+  },
   bars: (state, found) => (folded(state) ? [] : bars(sidesOf(state, found))), // a fit of folds has other terms, too
   sides: (state, found) => beside(sidesOf(state, found)),
   words: (state, found) => words(found, sidesOf(state, found).at(-1)),
