@@ -54,7 +54,8 @@ def landmarks_answer(lesson):
     weights = given.alpha, given.beta, given.gamma
     exact, answer = (fit_state(example, weights, solver=one) for one in (lesson.reference, trained))
     states = {"reference fit": exact, "CP-Net in training": answer}
-    return states_figure(example, states), sentences(states)
+    key = "<p>Green: the moving curves. Yellow: where the map takes them. Red, with squares: their targets.</p>"
+    return states_figure(example, states), key + sentences(states)
 
 
 def map_answer(lesson):
