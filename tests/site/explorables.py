@@ -114,11 +114,12 @@ class Explorable:
         """What 'Data (JSON)' holds."""
         return json.loads(self.download("Data").path().read_text())
 
-    def guess(self, number="0.5"):
-        """What is said to a guess."""
+    def guess(self, number="0.5", then=lambda: None):
+        """What is said to a guess, if the reader does something before he compares."""
         said = self.root.locator(".qc-live-truth")
         said.evaluate("e => { e.textContent = ''; }")
         self.root.get_by_role("spinbutton").fill(number)
+        then()
         self.root.get_by_role("button", name="Compare").click()
         self.root.locator(f".qc-live-truth:has-text('You said {number}; it is')").wait_for(timeout=60_000)
         return said.inner_text()

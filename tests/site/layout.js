@@ -58,6 +58,6 @@ async () => {
     if (style.transform !== "none" || style.zoom !== "1") say("shrunk", element);
   }
   for (const element of all("figcaption, figcaption span, caption, caption span, .computed"))
-    if (!element.closest("strong, b, h1, h2, h3, th") && +getComputedStyle(element).fontWeight > 400) say("bold", element);
+    if (!element.closest("strong, b, h1, h2, h3, th, .stacked tr > :first-child") && +getComputedStyle(element).fontWeight > 400) say("bold", element);
   return found;
 }

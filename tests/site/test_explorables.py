@@ -188,6 +188,13 @@ def test_undo_a_link_and_reset_go_back_and_the_guess_is_of_the_present_state(mob
     assert mobius.state() == {} and mobius.words == start
 
 
+def test_a_guess_is_judged_by_the_state_in_which_it_was_made(mobius):
+    mobius.reset()
+    first = mobius.guess()
+    assert mobius.guess(then=lambda: mobius.press(mobius.slider("distance of the pole"), "End")) == first
+    assert mobius.state() and mobius.guess() != first
+
+
 def test_downloads_hold_the_state(mobius):
     data = mobius.data()
     assert data["page"] == mobius.name and data["state"] and data["answer"]
