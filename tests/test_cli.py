@@ -257,7 +257,7 @@ def test_figures_that_are_asked_first_are_printed(folder, capsys, quick):
     output = capsys.readouterr().out
     for words in (
         "landmarks +none; registered by sulc alone",
-        "held out +1.50 mm, mean of the curves .3.00 after the best Möbius map.",
+        "held out +1.50 mm, mean of the curves .3.00 after the Möbius map that aligns the folds best.",
         " +a 1.00, b 2.00",
         r"r\(sulc\) +0.500 .0.250 after the best Möbius map.",
         "fallbacks +the networks' map; the exact one",

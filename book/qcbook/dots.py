@@ -61,7 +61,7 @@ def run_dots(ax, found, rows, x, y, floor=0):
             ends = [max(floor, value) for value in (min(values), max(values))]
             ax.plot([line[x]] * 2, ends, color=color, linewidth=0.8, alpha=0.5)
             face = color if line["certified"] == line["pairs"] else "white"
-            ax.plot(line[x], max(floor, line[y]), marker, color=color, markerfacecolor=face)
+            ax.plot(line[x], max(floor, line[y]), marker, color=color, markerfacecolor=face, zorder=3 if word else 2)
         ax.plot([], [], marker, color=color, label=label)
 
 

@@ -267,7 +267,8 @@ def print_report(report, out):
         line("landmarks", f"none; registered by {', '.join(report['features'])} alone")
     if report["held_out_mm"]:
         before, after = np.mean(list(report["held_out_mm"].values()), axis=0)
-        text = f"{after:.2f} mm, mean of the curves ({before:.2f} after the best Möbius map)"
+        aligned = "the fitted curves" if report["curves"] else "the folds"
+        text = f"{after:.2f} mm, mean of the curves ({before:.2f} after the Möbius map that aligns {aligned} best)"
         line("held out", text)
         line(
             "",
