@@ -46,9 +46,11 @@ class OwnMap:
         if not given or not report["curves"]:
             advice = "register with --landmarks to tune them"
             if self.again:
+                if "--no-landmarks" in self.again["register"]:
+                    advice = "leave out --no-landmarks to tune its curves"
                 held = [word for name in report["held_out_mm"] for word in ("--hold-out", name)]
                 words = shlex.join(["qclearn", "register", *self.again["register"], *held])
-                advice += f", or tune folds by: {words} --delta {DELTA:g} --eta {ETA:g} --out tuned"
+                advice += f", or change δ and η in: {words} --delta {DELTA:g} --eta {ETA:g} --out tuned"
             raise ReportError(f"{folder}: was registered by folds alone, and the tuner moves landmarks; {advice}")
 
         # The curves are given by numbers of whole surfaces, where such were given.

@@ -66,7 +66,7 @@ def test_the_tuner_says_what_it_does_not_show_of_a_folder(folder, drawn, says, m
         ),
         (
             {"curves": [], "command": ["qclearn", "register", "a.npz", "b.npz", "--no-landmarks", "--hold-out", "two"]},
-            "register a.npz b.npz --no-landmarks --hold-out .*two.* --delta 3 --eta 3.5",
+            "leave out --no-landmarks .* register a.npz b.npz --no-landmarks --hold-out .*two.* --delta 3 --eta 3.5",
         ),
         ({"landmarks": {"curves": []}, "command": ["python"]}, "register with --landmarks to tune them$"),
         ({"mean_abs_mu": 0.5}, "report.json is of another run"),

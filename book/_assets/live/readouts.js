@@ -7,7 +7,7 @@ const TERMS = { L_mu: ["L_μ", "alpha", "α"], L_grad_mu: ["L_∇μ", "beta", "�
 export const isThere = (one) => one && !one.missing;
 
 const unit = ({ surface }) => (surface ? " mm" : " % of the radius");
-const folding = ({ folds }) => `${folds || "no"} fold${folds === 1 ? "" : "s"}`;
+const folding = ({ folds }) => `${folds || "no"} triangle${folds > 1 ? "s" : ""} flipped`;
 
 // louder as |mu| nears 1: there a circle becomes an ellipse (1 + |mu|) / (1 - |mu|) times as long as wide
 export function sentence(side) {
@@ -48,7 +48,7 @@ export function beside(both) {
     row("held out", (side) => (side.held === null ? "none" : off(side.held) + unit(side))),
     row("mean |μ|", ({ shown }) => shown.mean.toFixed(3)),
     row("largest |μ|", ({ shown }) => shown.largest.toFixed(3)),
-    row("folds", ({ shown }) => String(shown.folds)),
+    row("flipped", ({ shown }) => String(shown.folds)),
   ];
 }
 
