@@ -11,7 +11,7 @@
   if (innerWidth < 600) document.addEventListener("readystatechange", rows, { once: true });
 
   const BOXES = { ".pst-scrollable-table-container": "table", "mjx-container[display]": "formula" };
-  const TALL = 0.45; // of the table's width: a row that is higher has columns that are too narrow
+  const TALL = 0.35; // of the table's width: a row that is higher has columns that are too narrow
   const widths = new WeakMap(); // below which a table is stacked
   const squeezed = (box) =>
     box.scrollWidth > box.clientWidth + 1 ||

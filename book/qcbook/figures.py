@@ -14,6 +14,7 @@ from qclearn.plot import curve_legend, curves_plot, disk_axes, disk_plot, lines_
 from qclearn.surfaces.curvature import area_radius, grey_levels, mean_curvature, parts_of_faces
 
 with signals_wait():
+    from matplotlib import rcParams
     from matplotlib.collections import EllipseCollection
 
 FLIPPED_COLOUR = "#CC79A7"
@@ -139,7 +140,16 @@ def numbers_plot(ax, curves, names=None):
         sides = sorted((middle + aside, middle - aside), key=abs)  # if both have room, the one away from the rim
         place = max(sides, key=lambda side: min(0.1, abs(taken - side).min()))
         taken = np.append(taken, place)
-        ax.text(place.real, place.imag, str(number), fontsize=8, ha="center", va="center", zorder=7, bbox=box)
+        ax.text(
+            place.real,
+            place.imag,
+            str(number),
+            fontsize=0.8 * rcParams["font.size"],
+            ha="center",
+            va="center",
+            zorder=7,
+            bbox=box,
+        )
 
 
 def sulci_in_words(names):

@@ -245,6 +245,7 @@ export class Explorable {
     input.addEventListener("input", () => (asked ??= structuredClone(this.state)));
     form.addEventListener("submit", async (event) => {
       event.preventDefault();
+      said.textContent = "Comparing ...";
       const truth = await question.truth(asked ?? structuredClone(this.state), this.host);
       asked = null;
       said.textContent = `You said ${Number(input.value)}; it is ${Number(truth.toPrecision(3))}. ${question.why}`;
