@@ -287,7 +287,8 @@ def tuner(window, site_address):
 @pytest.mark.parametrize("size", [(1280, 800), (390, 844)])
 def test_picture_sliders_and_sentence_are_on_the_first_screen(tuner, size):
     tuner.reset()
-    assert re.match(r"Fitted sulci [\d.]+ mm off; mean \|μ\| [\d.]+, largest [\d.]+; no triangle flipped\.$", tuner.said)
+    words = r"Fitted sulci [\d.]+ mm off; mean \|μ\| [\d.]+, largest [\d.]+; no triangle flipped\.$"
+    assert re.match(words, tuner.said)
     tuner.page.set_viewport_size(dict(zip(("width", "height"), size)))
     parts = [*tuner.root.locator("canvas").all()[:2], tuner.root.locator(".qc-live-status")]
     parts += [tuner.slider(name) for name in ("alpha", "beta", "gamma")]
