@@ -482,8 +482,8 @@ def astray(pair, f, walls=()):
         )
 
 
-def worse(held_out_mm):
-    """`worse:` where held-out curves fit clearly worse than after the Möbius map."""
+def worse(held_out_mm, folds):
+    """`worse:` where held-out curves fit clearly worse than after the Möbius map. folds: fitted."""
     if not held_out_mm:
         return
     mean = np.mean(list(held_out_mm.values()), axis=0)
@@ -499,6 +499,6 @@ def worse(held_out_mm):
     ]
     if facts:
         yield (
-            f"worse: {', and '.join(facts)}; check what was fitted, lower delta or gamma, or give "
-            "a landmark curve there"
+            f"worse: {', and '.join(facts)}; check what was fitted, lower "
+            f"{'delta or gamma' if folds else 'gamma'}, or give a landmark curve there"
         )

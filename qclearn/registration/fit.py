@@ -41,8 +41,8 @@ OVERFITS = 10.0  # delta above which the result has a warning
 
 ABOVE = "the fit ended above the best Möbius map"
 SPENT = (
-    "the fit was stopped: it took over twice the work of the slowest good one, so what it was given "
-    "is probably wrong"
+    "the fit was cut short: it took over twice the work of the slowest good one, so a weight or what "
+    "it was given is probably wrong"
 )
 
 

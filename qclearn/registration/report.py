@@ -70,7 +70,7 @@ def report_of(pair, weights, fit, points, wrong, stopped):
     suspect = [*wrong, *other_units(moving=moving, control=pair.control.surface)]
     if not stopped:
         found = reasons(moving, rows, fit, distortion["log2_area"]["95"], bool(features))
-        doubts = [*found, *disagreements, *worse(held_out)]
+        doubts = [*found, *disagreements, *worse(held_out, bool(features))]
         suspect += [*walls, *doubts] if doubts else []  # the likely cause of all of them first
     elif not pair.curves:
         suspect = [*walls, *suspect]  # folds of surfaces cut so differently may mistake the hand

@@ -97,6 +97,11 @@ const tasks = {
     const texts = { command: asCommand(state), folds: asCommand(state, true), python: asPython(state) };
     return { ...texts, map: toPairs(exact.w), moving: request.moving, target: request.target, fitted, held, curves: curves.map(({ off }) => off) };
   },
+  // the tuner's sentence on maps of these measures
+  async said() {
+    const { sentence } = await load("readouts.js");
+    return given.maps.map((shown) => sentence({ shown, fitted: 1, held: null, problem: {}, surface: null }));
+  },
   // maps between those of a grid of delta and eta, and how many of their triangles fold
   async folds() {
     const { withFolds } = await load("folds.js"), host = { file: async (name) => bytes(join(given.folder, name)) };

@@ -90,6 +90,15 @@ def test_distances_are_the_reports(tmp_path):
         assert found["curves"][label] == pytest.approx(wanted, rel=0.05)
 
 
+def test_the_sentence_says_where_a_fit_has_not_converged():
+    measures = {"mean": 0.2, "largest": 0.999, "folds": 0}
+    settled, creeping, stuck, of_folds = run_engine(
+        "said", maps=[measures | {"left": 1e-4}, measures | {"left": 0.11}, measures | {"left": 0.28}, measures]
+    )
+    assert "CLOSE TO A FOLD" in settled["words"] and settled == creeping == of_folds
+    assert "NOT CONVERGED, the next step promises 28 % less loss: lower γ" in stuck["words"] and stuck["loud"] == 2
+
+
 def test_maps_of_folds_lie_between_those_of_the_grid_and_are_certified(tmp_path):
     """Twists that grow with delta and eta, the last one so strong that halfway to it the map folds."""
     z, nodes = polar(24).z, list(Tuner.grid.values())

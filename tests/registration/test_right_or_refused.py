@@ -168,7 +168,7 @@ def test_the_work_of_a_fit_of_wrong_landmarks_is_bounded():
 
     with patch("qclearn.registration.levels.GaussNewtonObjective", Watched):
         fit = fit_landmarks(*COARSE, p, q, gamma=1e5)
-    assert objectives[-1].spent and fit.bijective and fit.fallbacks[-1].startswith("the fit was stopped")
+    assert objectives[-1].spent and fit.bijective and fit.fallbacks[-1].startswith("the fit was cut short")
 
 
 def test_a_fit_gone_astray_is_taken_up_again_from_the_mobius_map():

@@ -19,6 +19,7 @@ const MOST = 40; // maps that are kept, so that undo, a turn or A asks for none 
 const known = new Map(), // of a map's part of the state -> what was found
   sweeps = new Map(), // of that without gamma -> the trade-off
   measured = new WeakMap(); // map -> what `carried` says of it
+const STOPPED = " The fit with the larger L_CP stopped before its least.";
 let network = null, // the promise of CP-Net's megabyte: it comes after the first answer, which need not wait for it
   absent = "", // why it has not come
   drawn = []; // what the maps' pictures show: later answers have the same maps
@@ -223,9 +224,10 @@ export default {
     return { map: interleaved(w), landmarks: toPairs(points), fitted, held, byCurve, mesh: found.mesh, ...numbers };
   },
   compare: (found, kernel) => {
-    const far = gap(apart(found.exact.w, fromPairs(kernel.map)));
+    const far = gap(apart(found.exact.w, fromPairs(kernel.map))),
+      times = Math.max(kernel.L_CP / found.exact.L_CP, found.exact.L_CP / kernel.L_CP);
     const said = `The kernel's fit has L_CP ${short(kernel.L_CP)} and landmark error ${short(kernel.landmarkError)}`;
-    return `${said}, in ${kernel.ms.toFixed(0)} ms; the largest difference of the two maps is ${far}.`;
+    return `${said}, in ${kernel.ms.toFixed(0)} ms; the largest difference of the two maps is ${far}.${times > 2 ? STOPPED : ""}`;
   },
   question: {
     text: "Landmarks alone: multiply γ by ten. What share of the present landmark error is left (0 to 1, or more)? ",

@@ -18,6 +18,7 @@ const PROMISE = 1e-3; // the share of the objective that a step has to promise t
 const DAMPINGS = Array.from({ length: 11 }, (_, k) => 10 ** (k - 1)); // of further steps, in parts of W
 const TRUST = 0.3; // the largest change of nu in a damped step
 const TRIES = 4; // damped steps, at most
+const STUCK = 0.5; // share of the objective that the next step promises: of fits that got stuck 0.92 to 1, of others up to 0.33
 export const ROUNDING = 1e-9;
 
 export class Fit {
@@ -199,23 +200,27 @@ export class Fit {
   }
 }
 
+// continuation: the powers of ten from FIRST_GAMMA up to gamma
+function rising(gamma) {
+  const levels = [];
+  for (let g = FIRST_GAMMA; g < gamma * (1 - 1e-9); g *= 10) levels.push(g);
+  return [...levels, gamma];
+}
+
 // The fit on a coarse mesh by continuation in gamma, at a tenth of it: the coarse mesh's own error would bend nu at the full
 // weight. Folds are not mended.
 export function fitCoarse(coarse, request, tolerance = PROMISE, problem = new Problem(request)) {
   checkWeights(request);
-  const first = new Fit(coarse, problem),
-    gamma = request.gamma / 10,
-    levels = [];
-  for (let g = Math.min(FIRST_GAMMA, gamma); g < gamma * (1 - 1e-9); g *= 10) levels.push(g);
+  const first = new Fit(coarse, problem);
   first.weigh(request);
   first.to(first.nu, first.mobius);
-  first.run([...levels, gamma], 5, tolerance);
+  first.run(rising(request.gamma / 10), 5, tolerance);
   return first;
 }
 
-// The fit on a coarse mesh, then on the fine one. It depends on the request alone: it starts from
-// mu = 0 each time. Ends nowhere above the best Möbius map.
-export function fitLandmarks({ coarse, fine }, request, { tolerance = PROMISE, most = 20 } = {}) {
+// The fit on a coarse mesh, then on the fine one; where that gets stuck, the better of it and one by continuation on the fine
+// mesh. It depends on the request alone: it starts from mu = 0 each time. Ends nowhere above the best Möbius map.
+export function fitLandmarks({ coarse, fine }, request, { tolerance = PROMISE, most = 20, stuck = STUCK } = {}) {
   const problem = new Problem(request),
     first = fitCoarse(coarse, request, tolerance, problem),
     fit = new Fit(fine, problem, true);
@@ -224,9 +229,15 @@ export function fitLandmarks({ coarse, fine }, request, { tolerance = PROMISE, m
     mobius = fit.mobius;
   fit.take(first);
   fit.run([request.gamma], most, tolerance);
-  if (exceeds(fit, request.gamma, best)) {
+  if (fit.left > stuck || exceeds(fit, request.gamma, best)) {
+    const { nu, mobius: last, left } = fit,
+      loss = exceeds(fit, request.gamma, best) ? Infinity : fit.objective(request.gamma);
     fit.to(zeros(fine.V), mobius);
-    fit.run([request.gamma], most, tolerance);
+    fit.run(rising(request.gamma), most, tolerance);
+    if (loss < fit.objective(request.gamma)) {
+      fit.to(nu, last);
+      fit.left = left;
+    }
     if (exceeds(fit, request.gamma, best)) fit.to(zeros(fine.V), mobius);
   }
   fit.coarseSteps = first.steps;

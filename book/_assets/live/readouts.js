@@ -9,18 +9,23 @@ export const isThere = (one) => one && !one.missing;
 const unit = ({ surface }) => (surface ? " mm" : " % of the radius");
 const folding = ({ folds }) => `${folds || "no"} triangle${folds > 1 ? "s" : ""} flipped`;
 
+// share of L_CP that the fit's next step still promises: 0.28 to 0.9 where it has not converged, elsewhere up to 0.11
+const UNSETTLED = 0.2;
+
 // louder as |mu| nears 1: there a circle becomes an ellipse (1 + |mu|) / (1 - |mu|) times as long as wide
 export function sentence(side) {
   const { shown, fitted, held, problem, surface } = side,
     what = surface ? "sulci" : "curves",
-    loud = shown.folds || shown.largest > 0.98 ? 2 : Number(shown.largest > 0.9),
+    unsettled = shown.left > UNSETTLED,
+    loud = unsettled || shown.folds || shown.largest > 0.98 ? 2 : Number(shown.largest > 0.9),
     stretched = `${Math.round((1 + shown.largest) / (1 - shown.largest))} times as long as wide`;
   const says = [
     `Fitted ${what} ${off(fitted)}${unit(side)} off${held === null ? "" : `, held out (blue) ${off(held)}${unit(side)}`}`,
     `mean |μ| ${shown.mean.toFixed(3)}, largest ${shown.largest.toFixed(shown.largest > 0.95 ? 4 : 2)}; ${folding(shown)}`,
   ];
   if (loud === 1) says.push(`somewhere a circle becomes an ellipse ${stretched}`);
-  if (loud === 2)
+  if (unsettled) says.push(`NOT CONVERGED, the next step promises ${Math.round(100 * shown.left)} % less loss: lower γ`);
+  else if (loud === 2)
     says.push(shown.folds ? "NOT one-to-one" : `CLOSE TO A FOLD: somewhere a circle becomes an ellipse ${stretched}`);
   return { words: `${says.join("; ")}.${problem.note ? ` ${problem.note}` : ""}`, loud };
 }
