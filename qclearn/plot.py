@@ -73,10 +73,10 @@ def curves_plot(ax, curves, style):
         ax.plot(ends.real, ends.imag, look["marker"], zorder=6, **point)
 
 
-def curve_legend(ax, *styles):
-    """A legend below the Axes for curve styles drawn in it."""
+def curve_legend(ax, *styles, **labels):
+    """A legend below the Axes for curve styles drawn in it; labels: words for a style's name."""
     looks = {style: CURVE_STYLES[style] | {"markeredgecolor": "black"} for style in styles}
-    handles = [Line2D([], [], label=style, **look) for style, look in looks.items()]
+    handles = [Line2D([], [], label=labels.get(style, style), **looks[style]) for style in styles]
     place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.02), "ncols": len(styles)}
     ax.legend(handles=handles, frameon=False, fontsize=8, handlelength=3, **place)
 
@@ -165,9 +165,7 @@ def _label_registration(figure, rows, colours, report):
     for ax, text in zip(rows[:, 0], ("unit disk", "radius by cortical area")):
         ax.text(-0.03, 0.5, text, transform=ax.transAxes, **beside)
     for ax, style in zip(rows[1], ("detected", "registered") if report["curves"] else ()):
-        curve_legend(ax, style, "target")
-    if report["curves"]:  # detected here, or given
-        rows[1, 0].get_legend().get_texts()[0].set_text("moving")
+        curve_legend(ax, style, "target", detected="moving")  # detected here, or given
     place = rows[1, 3].get_position()
     bar = figure.add_axes((place.x0 + 0.2 * place.width, 0.07, 0.6 * place.width, 0.018))
     figure.colorbar(colours, cax=bar, orientation="horizontal", ticks=(0, 0.5, 1))

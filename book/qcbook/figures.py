@@ -10,7 +10,7 @@ from qclearn.interrupts import signals_wait
 from qclearn.io.fsaverage import demo_landmarks
 from qclearn.plane import Disk
 from qclearn.plane.disk import pairs
-from qclearn.plot import curve_legend, curves_plot, disk_axes, disk_plot, lines_plot, map_curves, polar_lines
+from qclearn.plot import CURVE_STYLES, curve_legend, curves_plot, disk_axes, disk_plot, lines_plot, map_curves, polar_lines
 from qclearn.surfaces.curvature import area_radius, grey_levels, mean_curvature, parts_of_faces
 
 with signals_wait():
@@ -18,6 +18,7 @@ with signals_wait():
     from matplotlib.collections import EllipseCollection
 
 FLIPPED_COLOUR = "#CC79A7"
+YELLOW = CURVE_STYLES["registered"]["color"]
 NUMBER = {"fontsize": 9, "ha": "center", "va": "center", "bbox": {"boxstyle": "circle,pad=0.15", "fc": "white"}}
 
 
@@ -50,8 +51,7 @@ def ellipse_field(ax, z, mu, size):
 def mapped_legend(ax):
     """A legend below the Axes for mapped moving curves, before or after the registration, and their
     targets."""
-    curve_legend(ax, "registered", "target")
-    ax.get_legend().get_texts()[0].set_text("moving, mapped")
+    curve_legend(ax, "registered", "target", registered="moving, mapped")
 
 
 def registration_disks(axes, registration, moving):
@@ -80,7 +80,7 @@ def registration_disks(axes, registration, moving):
     return disk_plot(axes[3], before, moving.faces, abs(r.mu), vmin=0)
 
 
-def hemisphere_plot(ax, shape, values, disk, curves=(), beside=(), color="#F0E442", **colours):
+def hemisphere_plot(ax, shape, values, disk, curves=(), beside=(), color=YELLOW, **colours):
     """Draw the outside of `shape`, a left hemisphere inflated, coloured by values (V,), with those of
     the curves in its `disk` that lie there, numbered from 1, and those `beside` them, yellow and without
     numbers. The front is on the left. Returns the coloured artist."""
@@ -94,7 +94,7 @@ def hemisphere_plot(ax, shape, values, disk, curves=(), beside=(), color="#F0E44
         place = disk.locate(curve)
         if outward[place[0]].mean() > 0:
             _, x, y = (disk.interpolate(shape.vertices, place) * [1, -1, 1]).T
-            ax.plot(x, y, color=color if number else "#F0E442", linewidth=2.5)
+            ax.plot(x, y, color=color if number else YELLOW, linewidth=2.5)
             if number:
                 ax.text(x[len(x) // 2], y[len(y) // 2], str(number), **NUMBER)
     ax.set_aspect("equal")

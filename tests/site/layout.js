@@ -50,9 +50,6 @@ async () => {
   }
   for (const element of all("mjx-container, pre, pre span, code, td, th, figcaption, .page-figure text"))
     if (element.textContent.trim() && parseFloat(getComputedStyle(element).fontSize) < 11.99) say(`smaller than 12 px (${getComputedStyle(element).fontSize})`, element);
-  // A wide figure's letters, of 10 points and more, have at least 9 pixels.
-  for (const picture of all("figure img"))
-    if (parseFloat(picture.style.width) > 600 && picture.clientWidth < 600) say(`only ${picture.clientWidth} px wide`, picture);
   for (const element of all("mjx-container, pre, img")) {
     const style = getComputedStyle(element);
     if (style.transform !== "none" || style.zoom !== "1") say("shrunk", element);

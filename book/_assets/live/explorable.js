@@ -246,9 +246,10 @@ export class Explorable {
     form.addEventListener("submit", async (event) => {
       event.preventDefault();
       said.textContent = "Comparing ...";
-      const truth = await question.truth(asked ?? structuredClone(this.state), this.host);
+      const of = asked ?? structuredClone(this.state);
       asked = null;
-      said.textContent = `You said ${Number(input.value)}; it is ${Number(truth.toPrecision(3))}. ${question.why}`;
+      const told = (truth) => `You said ${Number(input.value)}; it is ${Number(truth.toPrecision(3))}. ${question.why}`;
+      said.textContent = await question.truth(of, this.host).then(told, (error) => `Not compared: ${error.message}.`);
     });
     return form;
   }
