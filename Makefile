@@ -95,7 +95,7 @@ $(INSTALLED): pyproject.toml constraints.txt
 	  || { echo "make: Python 3.11 or newer is needed; name one with: make PYTHON=/path/to/python3.11"; exit 1; }
 	@$(PYTHON) -m venv .venv \
 	  || { echo "make: no virtual environment could be created; on Debian: apt-get install python3-venv"; exit 1; }
-	@echo "Installing into .venv: 2 GB, about a minute (7 GB where torch comes with CUDA, see the top of the Makefile)"
+	@echo "Installing into .venv: 3 GB, about a minute (some 5 GB more where torch comes with CUDA, see the top of the Makefile)"
 	@$(PIP) install --retries 2 --timeout 15 --quiet -c constraints.txt uv && eval "$$($(SETTINGS))" \
 	  && { test -z "$(TORCH_INDEX)" || $(UV) --default-index $(TORCH_INDEX) torch; } && $(UV) -e '.[test]' \
 	  || { echo "make: the installation failed; above is why. It needs the network (or a pip mirror) and 7 GB of disk."; exit 1; }

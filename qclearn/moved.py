@@ -15,7 +15,7 @@ GONE = {
     "qclearn landmarks": f"curves from a label, from points or from fsaverage5 take a few lines: {_OWN}",
     "qclearn template": _TEMPLATE,
     "qclearn grade": "nbgrader grades hand-ins; `make course` writes its folder",
-    "qclearn report FOLDER FOLDER": f"a page shows one registration; a table of many is three lines of pandas: {_OWN}",
+    "qclearn report FOLDER FOLDER": f"a page shows one registration; a table of many is a few lines of pandas: {_OWN}",
     "--annot": _REGIONS,
     "--program": _METHOD,
     "--peers": "measured by python -m book.studies.peers, in a clone of the repository",

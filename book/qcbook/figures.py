@@ -6,11 +6,12 @@ import html
 
 import numpy as np
 
+from qclearn import plot
 from qclearn.interrupts import signals_wait
 from qclearn.io.fsaverage import demo_landmarks
 from qclearn.plane import Disk
 from qclearn.plane.disk import pairs
-from qclearn.plot import CURVE_STYLES, curve_legend, curves_plot, disk_axes, disk_plot, lines_plot, map_curves, polar_lines
+from qclearn.plot import curve_legend, curves_plot, disk_axes, disk_plot, lines_plot, map_curves, polar_lines
 from qclearn.surfaces.curvature import area_radius, grey_levels, mean_curvature, parts_of_faces
 
 with signals_wait():
@@ -18,7 +19,7 @@ with signals_wait():
     from matplotlib.collections import EllipseCollection
 
 FLIPPED_COLOUR = "#CC79A7"
-YELLOW = CURVE_STYLES["registered"]["color"]
+YELLOW = plot.CURVE_STYLES["registered"]["color"]
 NUMBER = {"fontsize": 9, "ha": "center", "va": "center", "bbox": {"boxstyle": "circle,pad=0.15", "fc": "white"}}
 
 

@@ -93,8 +93,8 @@ def register(
       3  written, but suspect: one line on stderr, and "suspect" in report.json, say why
 
     The first six reasons below, where they come from curves or folds, are checked before the fit,
-    which is then not made: what is written is the map that aligns the curves' ends, and "stopped"
-    in report.json says so. --accept-suspect fits all the same.
+    which is then not made: what is written is the map that aligns the curves' ends, or the folds,
+    and "stopped" in report.json says so. --accept-suspect fits all the same.
 
     \b
     A registration is suspect where

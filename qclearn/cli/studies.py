@@ -4,6 +4,8 @@ from pathlib import Path
 
 import click
 
+from ..nets.networks import NETWORKS
+
 FIGURES = {  # of the benchmark's table: key of a run's summary -> head of the column
     "landmark_error": "landmark error",
     "mean_abs_mu": "mean |mu|",
@@ -21,7 +23,7 @@ FIGURES = {  # of the benchmark's table: key of a run's summary -> head of the c
 
 
 @click.command()
-@click.argument("network", type=click.Choice(["ldnet", "cpnet", "dbsnet"]))
+@click.argument("network", type=click.Choice([*NETWORKS]))
 @click.option(
     "--preset",
     type=click.Choice(["best", "paper"]),

@@ -7,8 +7,8 @@ TITLE = "A certificate of your own"
 PAGE, MINUTES, POINTS = "certificate", 25, 3
 TASK = r"""
 Write `accepts`: it returns `True` exactly where the piecewise linear picture `f`, complex `(V,)`, of a triangulated
-disk is one to one. `faces`, integer `(F, 3)`, are counter-clockwise in the source, and `loop`, integer `(B,)`, is its
-counter-clockwise boundary. {prf:ref}`The proposition on the certificate <prop-ce-certificate>` says what has to be
+disk is one to one and not mirrored. `faces`, integer `(F, 3)`, are counter-clockwise in the source, and `loop`, integer
+`(B,)`, is its counter-clockwise boundary. {prf:ref}`The proposition on the certificate <prop-ce-certificate>` says what has to be
 looked at, and the text below its proof why neither part may be left out. Ignore rounding: an area is positive, or it
 is not. Two helpers are given.
 """
@@ -30,7 +30,7 @@ def is_simple(corners):
 
 
 def accepts(faces, f, loop):
-    """Whether the picture f (V,) is one to one."""
+    """Whether the picture f (V,) is one to one and not mirrored."""
     ### BEGIN SOLUTION
     upright = areas(faces, f).min() > 0
     return bool(upright and is_simple(f[loop]))
