@@ -8,9 +8,9 @@ PAGE, MINUTES, POINTS = "certificate", 25, 3
 TASK = r"""
 Write `accepts`: it returns `True` exactly where the piecewise linear picture `f`, complex `(V,)`, of a triangulated
 disk is one to one and not mirrored. `faces`, integer `(F, 3)`, are counter-clockwise in the source, and `loop`, integer
-`(B,)`, is its counter-clockwise boundary. {prf:ref}`The proposition on the certificate <prop-ce-certificate>` says what has to be
-looked at, and the text below its proof why neither part may be left out. Ignore rounding: an area is positive, or it
-is not. Two helpers are given.
+`(B,)`, is its counter-clockwise boundary. {prf:ref}`The proposition on the certificate <prop-ce-certificate>` says what
+has to be looked at, and the text below its proof why neither part may be left out. Ignore rounding: an area is
+positive, or it is not. Two helpers are given.
 """
 
 
