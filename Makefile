@@ -98,5 +98,5 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@echo "Installing into .venv: 3 GB, about a minute (some 5 GB more where torch comes with CUDA, see the top of the Makefile)"
 	@$(PIP) install --retries 2 --timeout 15 --quiet -c constraints.txt uv && eval "$$($(SETTINGS))" \
 	  && { test -z "$(TORCH_INDEX)" || $(UV) --default-index $(TORCH_INDEX) torch; } && $(UV) -e '.[test]' \
-	  || { echo "make: the installation failed; above is why. It needs the network (or a pip mirror) and 7 GB of disk."; exit 1; }
+	  || { echo "make: the installation failed; above is why. It needs the network (or a pip mirror) and 3 GB of disk, 8 where torch comes with CUDA."; exit 1; }
 	@touch $@

@@ -4,8 +4,6 @@ from pathlib import Path
 
 import click
 
-from ..nets.networks import NETWORKS
-
 FIGURES = {  # of the benchmark's table: key of a run's summary -> head of the column
     "landmark_error": "landmark error",
     "mean_abs_mu": "mean |mu|",
@@ -23,7 +21,7 @@ FIGURES = {  # of the benchmark's table: key of a run's summary -> head of the c
 
 
 @click.command()
-@click.argument("network", type=click.Choice([*NETWORKS]))
+@click.argument("network", metavar="NETWORK")
 @click.option(
     "--preset",
     type=click.Choice(["best", "paper"]),
@@ -37,7 +35,8 @@ FIGURES = {  # of the benchmark's table: key of a run's summary -> head of the c
 @click.option("--seed", type=int, help="Another seed than the recipe's.")
 @click.option("--quick", is_flag=True, help="A tiny training set, for a trial.")
 def train(network, preset, gamma, out, data, steps, seed, quick):
-    """Train a network by the recipe of its shipped weights; write log, checkpoint and weights.
+    """Train a NETWORK, ldnet, cpnet or dbsnet, by the recipe of its shipped weights; write log,
+    checkpoint and weights.
 
     It takes all cores, or the threads of OMP_NUM_THREADS.
 
