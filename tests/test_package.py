@@ -45,7 +45,8 @@ def test_the_wheel_runs_the_readmes_example_as_printed_without_what_extras_bring
     brought -= {"platformdirs"}  # which pyvista brings, too
     with zipfile.ZipFile(packages[1]) as archive:
         archive.extractall(tmp_path / "wheel")
-    hidden = f"import sys\nsys.path.insert(0, 'wheel')\nsys.modules |= dict.fromkeys({sorted(brought)})\nimport qclearn.cli\n"
+    hidden = f"import sys\nsys.path.insert(0, 'wheel')\nsys.modules |= dict.fromkeys({sorted(brought)})\n"
+    hidden += "import qclearn.cli\n"
     (example,) = re.findall(r"```python\n(.*?)```", readme, re.DOTALL)
     (printed,) = re.findall(r"It prints\n\n```text\n(.*?)```", readme, re.DOTALL)
     found = run_outside(sys.executable, "-c", f"{hidden}{example}\nassert 'wheel' in qc.__file__", cwd=tmp_path)
