@@ -104,7 +104,8 @@ class Tuner(Live):
         curves += [(shape.lift(line), "registered") for line in map_curves(problem.disk, fit.f, moving)]
         shades = grey_levels(mean_curvature(surface), surface.vertex_areas)
         figure = Figure(figsize=(6.4, 4.3), dpi=50)  # a photograph: twice the dots would be a megabyte
-        figure.add_axes((0, 0, 1, 1)).imshow(surface_picture(shape.surface, shades, curves=curves))
+        pixels = surface_picture(shape.surface, shades, height=185, curves=curves)
+        figure.add_axes((0, 0, 1, 1)).imshow(pixels)
         figure.axes[0].axis("off")
         ends = (pair.control.lift(points) for points in (problem.samples @ fit.f, problem.target))
         off = np.linalg.norm(np.subtract(*ends), axis=1).mean()
