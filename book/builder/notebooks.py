@@ -7,16 +7,19 @@ figures. Code cells and their outputs stay as they were executed.
 """
 
 import re
+from functools import partial
 
 import nbformat
 from docutils import nodes
 from nbformat.v4 import new_markdown_cell, new_notebook
+from sphinx_markdown_builder import contexts
 from sphinx_markdown_builder.builder import MarkdownBuilder
 from sphinx_markdown_builder.contexts import SubContext, SubContextParams, WrappedContext
 from sphinx_markdown_builder.translator import MarkdownTranslator, pushing_context
 
 from . import solutions
 
+contexts.tabulate = partial(contexts.tabulate, disable_numparse=True)  # 0.30 in a table stays 0.30
 CELL = re.compile(r"\s*<<cell (\d+)>>\s*")
 LINES = 10_000  # MyST-NB numbers line n of cell k, the first one 0, as LINES * (k + 1) + n
 # The form of an output that Sphinx reads: tables may refer to other pages.
