@@ -42,7 +42,7 @@ def test_the_command_and_python_make_the_pictures_map(tmp_path):
     for line in re.split(r"\n(?=qclearn)", found["command"]):
         program, *words = shlex.split(line)
         subprocess.run([*PROGRAMS[program], *words], cwd=tmp_path, check=True, capture_output=True)
-    tuned = tmp_path / "tuned-1-0.02-500"
+    tuned = tmp_path / "tuned-1-0.02-500-without-2-4-6-8-10"
     report = json.loads((tuned / "report.json").read_text(encoding="utf-8"))
     names = cortices("cortex").names
     assert [report[weight] for weight in ("alpha", "beta", "gamma")] == [1, 0.02, 500] and not report["features"]
@@ -63,9 +63,9 @@ def test_the_command_and_python_make_the_pictures_map(tmp_path):
 def test_the_folds_command_has_the_weights_of_register_and_not_those_of_landmarks_alone(tmp_path):
     weights = {"alpha": 0.5, "beta": 0.1, "gamma": 500, "delta": 2, "eta": 5}
     found = copied(tmp_path, "cortex", landmarks="sliding", **weights)
-    words = "--alpha 0.5 --beta 0.1 --gamma 500 --no-features --sliding --out tuned-0.5-0.1-500"
+    words = "--alpha 0.5 --beta 0.1 --gamma 500 --no-features --sliding --out tuned-0.5-0.1-500-sliding"
     assert found["command"].endswith(words)
-    assert found["folds"] == found["command"].replace(words, "--delta 2 --eta 5 --sliding --out tuned-2-5-folds")
+    assert found["folds"] == found["command"].replace(words, "--delta 2 --eta 5 --sliding --out tuned-2-5-folds-sliding")
 
 
 @pytest.mark.parametrize("changes", [{}, {"targets": {"4": [0.3, 0.1]}, "held": [1], "landmarks": "sliding"}])

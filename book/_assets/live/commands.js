@@ -26,10 +26,12 @@ export function asCommand(state, folds = state.folds) {
     weights = alone ? withFolds : [...weightsOf(state), ...(folds ? ofFolds : [])],
     words = ["qclearn", "register", ...register, ...weights.flatMap(([name, value]) => [`--${name}`, String(value)])];
   words.push(...(folds ? features : ["--no-features"]));
-  if (state.landmarks === "sliding") words.push("--sliding");
+  const sliding = state.landmarks === "sliding";
+  if (sliding) words.push("--sliding");
   for (const label of state.held) words.push("--hold-out", nameOf(problem, label));
-  const values = weights.map(([, value]) => value),
-    out = ["tuned", ...values, ...(folds ? ["folds"] : [])].join("-"); // of its own, so that no command replaces another's
+  // a folder of its own, so that no command replaces another's
+  const flags = [...(folds ? ["folds"] : []), ...(sliding ? ["sliding"] : []), ...(state.held.length ? ["without"] : [])],
+    out = ["tuned", ...weights.map(([, value]) => value), ...flags, ...state.held.map((label) => label + 1)].join("-");
   return [...before, [...words, "--out", out]].map((line) => line.map(quoted).join(" ")).join("\n");
 }
 
