@@ -65,7 +65,8 @@ def test_the_folds_command_has_the_weights_of_register_and_not_those_of_landmark
     found = copied(tmp_path, "cortex", landmarks="sliding", **weights)
     words = "--alpha 0.5 --beta 0.1 --gamma 500 --no-features --sliding --out tuned-0.5-0.1-500-sliding"
     assert found["command"].endswith(words)
-    assert found["folds"] == found["command"].replace(words, "--delta 2 --eta 5 --sliding --out tuned-2-5-folds-sliding")
+    of_folds = "--delta 2 --eta 5 --sliding --out tuned-2-5-folds-sliding"
+    assert found["folds"] == found["command"].replace(words, of_folds)
 
 
 @pytest.mark.parametrize("changes", [{}, {"targets": {"4": [0.3, 0.1]}, "held": [1], "landmarks": "sliding"}])
