@@ -94,7 +94,7 @@ def test_links_to_the_glossary_lead_to_a_term():
 COMMON = re.compile(
     r"\\(?:left|right|[bB]ig[lr]?|[dt]?frac|q?quad|text|math(?:rm|bf)|operatorname|begin|end|[cl]?dots?|times|sum|int|prod|sqrt"
     r"|cos|sin|tanh?|cot|exp|log|ln|max|min|arg|det|pm|leq?|geq?|ne|in|ni|to|mapsto|sim|approx|propto|[lr][vV]ert|underbrace"
-    r"|overline|(?:Long)?[rR]ightarrow)"
+    r"|overline|nobreak|(?:Long)?[rR]ightarrow)"
 )
 MATHEMATICS = re.compile(r"\$\$(.*?)\$\$|(?<![\\$])\$([^$]+)\$", re.DOTALL)
 WORDS = re.compile(r"\\(?:text|mathrm|operatorname|begin|end)\*?\s*\{[^{}]*\}")

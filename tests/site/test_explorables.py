@@ -382,6 +382,18 @@ def test_what_is_missing_or_refused_is_said(window, site_address, missing, state
     page.close()
 
 
+def test_a_guess_that_cannot_be_compared_says_why(window, site_address):
+    page, state = window.new_page(), {"problem": "twist", "held": [0, 1]}
+    page.goto(f"{site_address}live.html#live-tuner={json.dumps(state)}")
+    tuner = page.locator(TUNER)
+    tuner.get_by_role("button", name="curve 3").click()
+    tuner.locator("[role=status]:has-text('all curves are held out')").wait_for()
+    tuner.get_by_role("spinbutton").fill("0.5")
+    tuner.get_by_role("button", name="Compare").click()
+    tuner.locator(".qc-live-truth:has-text('Not compared: all curves are held out')").wait_for()
+    page.close()
+
+
 def test_a_map_that_fails_after_the_fit_says_why(window, site_address):
     page, planted = (window.new_page(), (SITE / "_static" / "live" / "solvers.js").read_text(encoding="utf-8"))
     line = "const network = await pass(bench, meshes.fine, request, stale);"

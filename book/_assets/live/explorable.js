@@ -246,10 +246,10 @@ export class Explorable {
     form.addEventListener("submit", async (event) => {
       event.preventDefault();
       said.textContent = "Comparing ...";
-      const of = asked ?? structuredClone(this.state);
+      const truth = Promise.resolve(question.truth(asked ?? structuredClone(this.state), this.host));
       asked = null;
       const told = (truth) => `You said ${Number(input.value)}; it is ${Number(truth.toPrecision(3))}. ${question.why}`;
-      said.textContent = await question.truth(of, this.host).then(told, (error) => `Not compared: ${error.message}.`);
+      said.textContent = await truth.then(told, (error) => `Not compared: ${error.message}.`);
     });
     return form;
   }
